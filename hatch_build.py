@@ -39,7 +39,7 @@ RECORD_PATH = (
     "capture/pcapng",
     "profinet/rpc", "profinet/link", "profinet/ip", "profinet/calls", "profinet/records", "profinet/completeness",
     "profinet/stations", "profidrive/model", "profidrive/parameter",
-    "profidrive/formats", "profidrive/family", "profidrive/drive_objects", "report/json",
+    "profidrive/formats", "profidrive/drive_objects", "report/json",
     "profibus/telegram", "profibus/dp", "profibus/line", "profibus/bus", "profibus/stations",
     "profibus/judge", "cyclic/ppo", "cyclic/channels", "cyclic/timeline", "cyclic/operation", "cyclic/trips",
     "cyclic/handshake", "cyclic/relations", "cyclic/pkw", "cyclic/pzd",

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 from ds47.acyclic import learning
 from ds47.acyclic.index47 import SHARED_INDEX, ArKey, Index47
 from ds47.acyclic.judge import Judge
-from ds47.acyclic.pairing import Job, Missing, Pairing, Told
+from ds47.acyclic.pairing import Job, Pairing, Told
 from ds47.acyclic.record_calls import OPERATIONS, RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.transactions import build, summarise
@@ -35,7 +35,7 @@ from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profinet.calls import CallTracker
-from ds47.profinet.completeness import Completeness
+from ds47.profinet.completeness import Completeness, Missing
 from ds47.profinet.ip import Reassembler
 from ds47.profinet.link import Packets
 from ds47.profinet.records import ChannelKey, Half, Record

@@ -2,14 +2,13 @@
 -- that of Lua. Usage: lua judge.lua INPUT. Input is a JSON object a line, as tests/python/heard.py writes it:
 --   {call = "judge" | "objects", of = number, args}       a new one, with this number
 --   {call = name of a method, of = number, args, gives}   `gives` is compared, where there is one
---   {call = name of a function of rules or family, args, gives}
+--   {call = name of a function of rules or parameter, args, gives}
 -- The last line says how many were compared; exit status 1 where something differs.
 
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. root .. "?.lua;" .. package.path
 
 local drive_objects = require("ds47.profidrive.drive_objects")
-local family = require("ds47.profidrive.family")
 local json = require("ds47.support.json")
 local read_json = require("json_reader")
 local pairing = require("ds47.acyclic.pairing")
@@ -141,7 +140,7 @@ local function call(line)
   if owner then
     return owner[name](owner, args[1], args[2], args[3])
   end
-  return (rules[name] or family[name])(args[1], args[2])
+  return (rules[name] or parameter[name])(args[1], args[2])
 end
 
 for text in io.lines(arg[1]) do

@@ -15,7 +15,7 @@ from typing import Any
 
 import ds47.acyclic.judge
 import ds47.profidrive.drive_objects
-import ds47.profidrive.family
+import ds47.profidrive.parameter
 from ds47.acyclic.judge import Judge
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
@@ -163,7 +163,7 @@ def pytest_configure() -> None:
         _listen(DriveObjects, name, said=True)
     for name in ("is_mismatch", "drive_time_ns"):
         _listen(ds47.acyclic.judge, name, said=True)
-    _listen(ds47.profidrive.family, "family_fits", said=True)
+    _listen(ds47.profidrive.parameter, "family_fits", said=True)
 
 
 def pytest_unconfigure() -> None:

@@ -68,7 +68,7 @@ def job(
     record = Record(True, False, bytes(range(16)), 0, *at, 0)
     message = None if asked is None else decode_request(asked)
     record.request = None if asked is None else half(0, asked)
-    made = Job(record.belongs(Peer("c", device, vendor, 0x0501)), message, phase="closed")
+    made = Job(record.of(Peer("c", device, vendor, 0x0501)), message, phase="closed")
     if asked is not None:
         made.write_response = half(1, status=0)
     if answer is not None:

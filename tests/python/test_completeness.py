@@ -18,11 +18,13 @@ from ds47.lab import captured, message, wire
 from ds47.lab.client import Client, drive
 from ds47.lab.stage import Stage
 from ds47.profinet.calls import CallTracker
-from ds47.profinet.completeness import Completeness, Hole, Numbers
+from ds47.profinet.completeness import Completeness, Missing, Numbers
+from ds47.profinet.records import Peer
 from ds47.profinet.rpc import Pdu
 from ds47.spec.semantics import limits
 
 CLIENT, SERVER = "192.168.133.2", "192.168.133.33"
+PEER = Peer(CLIENT, SERVER)
 ASK = message.read(1, 1, message.address(21))
 TELL = message.answer(1, 1, 1, message.real(1.0))
 
@@ -145,7 +147,7 @@ def test_of_many_holes_the_oldest_are_as_one() -> None:
 def test_nothing_is_missing_of_a_whole_conversation() -> None:
     found = heard(pdus(three))
     pair = found.lacks(CLIENT, SERVER)
-    assert [found.behind(CLIENT, SERVER, frame) for frame in (0, 1, 11, 12)] == [None] * 4
+    assert [found.behind(PEER, frame) for frame in (0, 1, 11, 12)] == [None] * 4
     assert (pair.holes, pair.halves, found.late, found.newest(SERVER)) == ([], 0, 0, 0)
     assert found.newest_gap(SERVER) == 0
     assert pair.hears
@@ -154,11 +156,9 @@ def test_nothing_is_missing_of_a_whole_conversation() -> None:
 
 def test_a_missing_call_is_a_hole_behind_what_came_before_it() -> None:
     found = without(three, 5, 6)
-    hole = found.behind(CLIENT, SERVER, 3)
-    assert isinstance(hole, Hole)
-    assert (hole.after, hole.before, hole.numbers()) == (3, 7, "2")
-    assert found.behind(CLIENT, SERVER, 6) is hole
-    assert found.behind(CLIENT, SERVER, 7) is None
+    hole = Missing("calls", 3, 7, "2")
+    assert found.behind(PEER, 3) == found.behind(PEER, 6) == hole
+    assert found.behind(PEER, 7) is None
     assert found.newest(SERVER) == 7
     assert found.newest(CLIENT) == 0
     (other,) = pdus(lambda client: client.ask_write(ASK))
@@ -171,16 +171,15 @@ def test_a_missing_call_is_a_hole_behind_what_came_before_it() -> None:
 def test_a_write_response_without_its_request_shows_that_a_request_is_missing() -> None:
     found = without(three, 5)
     pair = found.lacks(CLIENT, SERVER)
-    assert [found.behind(CLIENT, SERVER, frame) for frame in (3, 5, 6, 7)] == [
-        "requests", "requests", None, None,
-    ]  # fmt: skip
+    missing = Missing("requests")
+    assert [found.behind(PEER, frame) for frame in (3, 5, 6, 7)] == [missing, missing, None, None]
     assert (pair.halves, pair.half, pair.holes, found.newest(SERVER)) == (1, 6, [], 6)
 
 
 def test_a_read_response_without_its_request_is_a_half() -> None:
     found = without(three, 7)
     pair = found.lacks(CLIENT, SERVER)
-    assert found.behind(CLIENT, SERVER, 1) is None
+    assert found.behind(PEER, 1) is None
     assert (pair.halves, pair.half, pair.unread, found.newest(SERVER)) == (1, 8, [8], 8)
     assert found.newest_gap(SERVER) == 8
 
@@ -222,20 +221,20 @@ def test_the_first_half_of_a_call_is_named(frames: tuple[int, ...], first: int) 
 
 def test_who_was_never_heard() -> None:
     asked = heard(each for each in pdus(three) if each.ptype == 0)
-    assert asked.behind(CLIENT, SERVER, 5) == "one_direction"
+    assert asked.behind(PEER, 5) == Missing("one_direction")
     assert not asked.lacks(CLIENT, SERVER).hears
     told = heard(each for each in pdus(three) if each.ptype != 0)
-    assert told.behind(CLIENT, SERVER, 5) == "requests"
+    assert told.behind(PEER, 5) == Missing("requests")
     assert not told.lacks(CLIENT, SERVER).asks
     assert told.lacks(CLIENT, SERVER).hears
-    assert told.behind("192.168.133.9", SERVER, 5) == "requests"
+    assert told.behind(Peer("192.168.133.9", SERVER), 5) == Missing("requests")
 
 
 def test_a_server_that_calls_itself_was_heard() -> None:
     """The device asks its controller for ApplicationReady: it is not the other half that is missing."""
     asked = [each for each in pdus(three) if each.ptype == 0]
     found = heard(asked)
-    assert found.behind(CLIENT, SERVER, 5) == "one_direction"
+    assert found.behind(PEER, 5) == Missing("one_direction")
     back = Completeness(64)
     back.began(turned(asked[0]), Numbers(said(0)))
     back.began(asked[0], Numbers(said(0)))
@@ -295,7 +294,7 @@ def test_a_response_before_its_request_is_out_of_order() -> None:
     pair = found.lacks(CLIENT, SERVER)
     assert (pair.halves, found.late, found.first_late) == (0, 2, 6)
     assert (pair.unasked, pair.unread, found.newest(SERVER)) == ([], [], 0)
-    assert found.behind(CLIENT, SERVER, 1) is None
+    assert found.behind(PEER, 1) is None
 
 
 def test_the_oldest_pair_goes_first() -> None:
@@ -336,15 +335,15 @@ def test_numbers_of_two_activities_say_nothing_of_each_other() -> None:
         each.frame += 12
         each.activity, each.mark = bytes(16), each.mark + 1
     found = heard([*first, *second])
-    assert isinstance(found.behind(CLIENT, SERVER, 8), Hole)
-    assert found.behind(CLIENT, SERVER, 13) is None
+    assert found.behind(PEER, 8) == Missing("calls", 3, 7, "2")
+    assert found.behind(PEER, 13) is None
     whole = heard([*pdus(three), *second])
-    assert whole.behind(CLIENT, SERVER, 8) is None
+    assert whole.behind(PEER, 8) is None
     half = heard([*(each for each in pdus(three) if each.frame != 7), *second])
-    assert half.behind(CLIENT, SERVER, 9) == "halves"
-    assert half.behind(CLIENT, SERVER, 13) is None
+    assert half.behind(PEER, 9) == Missing("halves")
+    assert half.behind(PEER, 13) is None
     asked = heard([*(each for each in pdus(three) if each.frame != 5), *second])
-    assert asked.behind(CLIENT, SERVER, 9) == "requests"
+    assert asked.behind(PEER, 9) == Missing("requests")
 
 
 # What of it is said of jobs (docs/pairing.md, P73 to P80)

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from talk import job
 
-from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Missing
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job
 from ds47.diagnosis import capture
 from ds47.diagnosis.capture import WholeCapture
 from ds47.lab import message
-from ds47.profinet.completeness import Completeness, Numbers
+from ds47.profinet.completeness import Completeness, Missing, Numbers
 from ds47.profinet.records import Half, Peer, Record
 from ds47.profinet.rpc import Pdu
 from ds47.spec.semantics import known
@@ -57,7 +57,7 @@ class Whole:
         """A Read without record, on a channel that has no request; without an AR a ReadImplicit."""
         record = Record(False, ar is None, ar or bytes(16), 0, *at, 0)
         record.response = Half(frame, frame, status=status)
-        self.capture.nothing_to_read(record.belongs(Peer(controller, device, 0x2A, 0x501)), missing)
+        self.capture.nothing_to_read(record.of(Peer(controller, device, 0x2A, 0x501)), missing)
         return self
 
     def foreign(
@@ -68,7 +68,7 @@ class Whole:
         record = Record(True, False, bytes(16), 0, 1, 1, index, 0)
         record.request = None if data is None else Half(frame, frame, data)
         record.response = Half(frame + 1, frame + 1, status=status) if answered else None
-        self.capture.foreign(record.belongs(Peer("c", device, 0x2A, 0x501)))
+        self.capture.foreign(record.of(Peer("c", device, 0x2A, 0x501)))
         return self
 
     def end(self, *, gaps: bool = False, dropped: int | None = None) -> list[Told]:
@@ -160,7 +160,7 @@ def test_a_read_where_something_is_asked_may_be_for_that(at: Place) -> None:
     if at == THERE:
         unseen = Whole(job(READ)).idle(4)
         unseen.capture.foreign(
-            Record(True, False, b"", 0, *at, 0).belongs(Peer("c", "d", 0x2A, 0x501))
+            Record(True, False, b"", 0, *at, 0).of(Peer("c", "d", 0x2A, 0x501))
         )
         assert unseen.of("DS706") == []
 
@@ -208,7 +208,7 @@ def test_other_refused_reads_are_no_reads_for_nothing() -> None:
     assert Whole(job(READ, ANSWER)).idle(9, status=LOCKED).idle(9, status=None).end() == []
     record = Record(False, False, bytes(16), 0, *HERE, 0)
     whole = Whole(job(READ, ANSWER))
-    whole.capture.nothing_to_read(record.belongs(Peer("c", "d", 0x2A, 0x501)), None)
+    whole.capture.nothing_to_read(record.of(Peer("c", "d", 0x2A, 0x501)), None)
     assert whole.end() == []
 
 

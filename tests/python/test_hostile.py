@@ -687,7 +687,7 @@ def test_a_release_looks_at_its_own_channels():
         for number in range(size):
             key = number.to_bytes(16, "big")
             record = Record(True, False, key, 0, 1, 1, 47, 0, Half(1, START))
-            pairing.write_request(record.belongs(peer), request)
+            pairing.write_request(record.of(peer), request)
         for number in range(size):
             pairing.release(CONTROLLER, DEVICE, number.to_bytes(16, "big"))
         assert not pairing.channels

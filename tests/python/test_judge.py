@@ -6,12 +6,13 @@ import pytest
 from talk import job
 
 from ds47.acyclic.judge import Judge, drive_time_ns, is_mismatch
-from ds47.acyclic.pairing import Job, Missing
+from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.lab import message
 from ds47.lab.client import BUSY
 from ds47.profidrive import decode_request, decode_response
-from ds47.profidrive.family import family_fits, kind_fits
+from ds47.profidrive.parameter import family_fits, kind_fits
+from ds47.profinet.completeness import Missing
 from ds47.profinet.records import Half
 from ds47.spec.semantics import limits
 

@@ -14,7 +14,8 @@ from talk import pdus
 from test_completeness import ASK, SCENES, WHOLE, played
 from test_lua_analysis import Source, compare
 
-from ds47.profinet.completeness import Completeness, Hole, Numbers, What
+from ds47.profinet.completeness import Completeness, Missing, Numbers
+from ds47.profinet.records import Peer
 from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import RPC_CONNECT, RPC_READ, RPC_WRITE
 
@@ -105,10 +106,10 @@ def many(seed: int) -> Iterator[str]:
         yield f"behind activity=1 {place} frame=401 renewed=0"
 
 
-def told(found: What | Hole | None) -> str:
-    if isinstance(found, Hole):
-        return f"calls {found.after or '-'} {found.before} {found.numbers()}"
-    return "nothing" if found is None else f"{found} - - -"
+def told(found: Missing | None) -> str:
+    if found is None:
+        return "nothing"
+    return " ".join(str(each) if each else "-" for each in found)
 
 
 class Python:
@@ -147,7 +148,7 @@ class Python:
         if what in hears:
             return hears[what]()
         if what == "behind":
-            return told(found.behind(*pair, pdu.frame, ordered=flag))
+            return told(found.behind(Peer(*pair), pdu.frame, ordered=flag))
         if what == "has":
             return str(activity.has(pdu.seq)).lower()
         if what == "holes":

@@ -155,7 +155,7 @@ class Ear:
 
     @staticmethod
     def _access(call: ServiceCall) -> Record:
-        return call.record.belongs(Peer(str(call.master), str(call.station)))
+        return call.record.of(Peer(str(call.master), str(call.station)))
 
 
 # Lines by chance

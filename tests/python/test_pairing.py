@@ -54,13 +54,13 @@ class Channel:
         return Half(self.now, self.now, data, len(data), status=status)
 
     def record(self, write: bool, ar: UUID = CONTROLLER_AR, slot: int = 1) -> Record:
-        return Record(write, False, ar.bytes, 0, slot, 1, 47, 0)
+        return Record(write, False, ar.bytes, 0, slot, 1, 47, 0, peer=PEER, ours=True)
 
     def ask(self, reference: int = 1, slot: int = 1) -> Job:
         data = message.read(reference, 1, message.address(21))
         record = self.record(True, slot=slot)
         record.request = self.half(data)
-        return self.pairing.write_request(record.belongs(PEER), request(data))
+        return self.pairing.write_request(record, request(data))
 
     def written(self, job: Job, status: int | None = 0, fault: bool = False) -> None:
         self.pairing.write_response(job, self.half(status=status), fault=fault)
@@ -77,7 +77,7 @@ class Channel:
         record = self.record(False, slot=slot)
         record.request, record.response = self.half(), self.half(data, status)
         record.response.missing, record.response.cut = missing, missing > 0
-        return self.pairing.read_response(record.belongs(PEER))
+        return self.pairing.read_response(record)
 
     def bring(self, reference: int = 1, value: float = 1.0) -> Job | None:
         return self.read(message.answer(reference, 1, 1, message.real(value)))
@@ -150,9 +150,10 @@ def test_of_a_station_is_missing_what_its_line_shows(lost: int, what: str) -> No
     told: list[Told] = []
     pairing = Pairing(LIMITS, told, Completeness(16, lambda _: lost))
     data = message.read(1, 1, message.address(21))
-    record = Record(True, False, bytes(16), -1, 1, 0, 47, 0, Half(1, 1, data, len(data)))
+    half = Half(1, 1, data, len(data))
     peer = Peer("dp1", "dp3", station=3)
-    job = pairing.write_request(record.belongs(peer), request(data))
+    record = Record(True, False, bytes(16), -1, 1, 0, 47, 0, half, None, peer, ours=True)
+    job = pairing.write_request(record, request(data))
     pairing.finish()
     assert job.missing is not None
     assert job.missing.what == what
@@ -295,9 +296,9 @@ def test_a_lost_read_leaves_its_request_to_the_open_job() -> None:
     job = channel.open()
     record = channel.record(False)
     record.request = channel.half()
-    assert channel.pairing.read_lost(record.belongs(PEER)) is job
+    assert channel.pairing.read_lost(record) is job
     assert job.read_request is record.request
-    assert channel.pairing.read_lost(channel.record(False, slot=9).belongs(PEER)) is None
+    assert channel.pairing.read_lost(channel.record(False, slot=9)) is None
 
 
 def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
@@ -305,7 +306,7 @@ def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
     record = channel.record(False)
     record.request = channel.half()
     job = channel.open()
-    assert channel.pairing.read_lost(record.belongs(PEER)) is None
+    assert channel.pairing.read_lost(record) is None
     assert job.read_request is None
 
 

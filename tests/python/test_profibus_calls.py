@@ -338,7 +338,7 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
 
     def access(call: ServiceCall) -> Record:
         who = Peer(str(call.master), str(call.station), station=call.station)
-        return call.record.belongs(who)
+        return call.record.of(who)
 
     def asked(call: ServiceCall) -> None:
         half = call.record.request

@@ -9,7 +9,6 @@
 -- An event is any table; whoever hands it in runs it (`runner:run(event)`). Where nothing has to wait no
 -- event is made at all: ask `passes` first.
 
-local kind_fits = require("ds47.profidrive.family").kind_fits
 local flat = require("ds47.support.flat").copy
 local ordered = require("ds47.support.ordered")
 local parameter = require("ds47.profidrive.parameter")
@@ -205,7 +204,7 @@ function Index47:answers(ar, place, data, codec)
   local held = self.held:get(ar)
   local request = held and held.asked:get(submodule(records.device_of(ar), place.api, place))
   if not request then return false end
-  if request.operation == "unknown" or not (request.addresses[1] and kind_fits(request, data)) then
+  if request.operation == "unknown" or not (request.addresses[1] and parameter.kind_fits(request, data)) then
     return false
   end
   local refuses = data:byte(2) >= NEGATIVE -- it may be what lacks bytes that is refused

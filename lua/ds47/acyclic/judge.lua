@@ -8,7 +8,7 @@
 -- are in spec/rules.toml.
 
 local dictionary = require("ds47.profidrive.dictionary")
-local family = require("ds47.profidrive.family")
+local parameter = require("ds47.profidrive.parameter")
 local json = require("ds47.support.json")
 local places_of = require("ds47.profidrive.layouts").places
 local ordered = require("ds47.support.ordered")
@@ -23,7 +23,7 @@ local M = {}
 --- r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1).
 M.PNU_ACCESS_IDENTIFICATION = 974
 
-local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, family.NOT_SUPPORTED
+local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, parameter.NOT_SUPPORTED
 local VALUE = tables.layouts.ADDRESS_VALUE
 local NONE = {} -- no remarks; most jobs have none
 local WRONG_COUNT = 0x18 -- the number of values does not fit (docs/protocol.md A.7)
@@ -65,7 +65,7 @@ function M.is_mismatch(job)
   end
   local asked, sent, got = M.parameters_asked(job), request.request_id, response.response_id
   if asked ~= nil and #places_of(response) > asked then return true end
-  if sent ~= nil and got ~= nil then return not family.family_fits(sent, got) end
+  if sent ~= nil and got ~= nil then return not parameter.family_fits(sent, got) end
   return sent == nil and not job.record.request.cut or got == nil and not job.read_response.cut
 end
 
@@ -190,7 +190,7 @@ local function put_mirror(remarks, frame, job)
   if sent == nil or got == nil then return end
   if got == NOT_SUPPORTED then
     put(remarks, "DS418", frame, {id = sent})
-  elseif not family.family_fits(sent, got) then
+  elseif not parameter.family_fits(sent, got) then
     put(remarks, "DS405", frame, {sent = sent, got = got})
   end
 end

@@ -4,7 +4,7 @@
 -- is to which job a record call belongs. Nothing is decoded beyond what a caller hands in, and nothing is
 -- judged: judge.lua does that when the listener is told `answered` and `closed`.
 
-local kind_fits = require("ds47.profidrive.family").kind_fits
+local kind_fits = require("ds47.profidrive.parameter").kind_fits
 local flat = require("ds47.support.flat").copy
 local take_from = require("ds47.support.arrays").take_out
 local ordered = require("ds47.support.ordered")

@@ -6,7 +6,6 @@
 local copy = require("ds47.support.flat").copy
 local mapped = require("ds47.support.arrays").mapped
 local dictionary = require("ds47.profidrive.dictionary")
-local family = require("ds47.profidrive.family")
 local naming = require("ds47.parameters.naming")
 local parameter = require("ds47.profidrive.parameter")
 local places_of = require("ds47.profidrive.layouts").places
@@ -18,7 +17,7 @@ local uuid_text = require("ds47.spec.units").uuid_text
 
 local huge, min, setmetatable = math.huge, math.min, setmetatable
 local is_mismatch, parameters_asked = rules.is_mismatch, rules.parameters_asked
-local NOT_SUPPORTED = family.NOT_SUPPORTED
+local NOT_SUPPORTED = parameter.NOT_SUPPORTED
 
 local M = {}
 

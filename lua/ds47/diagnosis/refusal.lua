@@ -4,7 +4,6 @@
 -- One error block has one cause. What a repair of the whole request explains is not looked at here.
 
 local dictionary = require("ds47.profidrive.dictionary")
-local family = require("ds47.profidrive.family")
 local formats = require("ds47.profidrive.formats")
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
@@ -15,7 +14,7 @@ local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local suggest = later("ds47.diagnosis.suggest") -- only here: most captures need no correction
 
-local is_cut_off, is_mismatch, NOT_SUPPORTED = rules.is_cut_off, rules.is_mismatch, family.NOT_SUPPORTED
+local is_cut_off, is_mismatch, NOT_SUPPORTED = rules.is_cut_off, rules.is_mismatch, parameter.NOT_SUPPORTED
 
 local char, floor, max = string.char, math.floor, math.max
 

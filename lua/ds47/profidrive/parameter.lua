@@ -27,11 +27,14 @@ local limits, request_ids, response_ids = tables.limits, tables.request_ids, tab
 
 local M = {}
 
+--- Response id of a device that does not know the request id.
+M.NOT_SUPPORTED = 0x80
+local NOT_SUPPORTED = M.NOT_SUPPORTED
+
 local layout = tables.layouts
 local VALUE, ERROR = layout.ADDRESS_VALUE, layout.VALUE_ERROR
 local SINGLE = 0x23 -- the error number of a drive that takes one parameter a request
 local HEADER, ADDRESS = layout.MESSAGE_SIZE, layout.ADDRESS_SIZE
-local REQUEST_NOT_SUPPORTED = 0x80
 local SHAPELESS = {DS309 = true, DS313 = true, DS315 = true} -- unknown format, bytes left over or missing
 local BROKEN = {DS309 = true, DS315 = true}
 
@@ -428,6 +431,24 @@ end
 
 -- Responses ---------------------------------------------------------------------------------------------
 
+--- Whether a response id belongs to a request id (docs/protocol.md A.3).
+function M.family_fits(request_id, response_id)
+  local known = request_ids[request_id]
+  if response_id == NOT_SUPPORTED then return true end
+  if known == nil then return response_id % 128 == request_id % 128 end
+  return response_id == known.positive or response_id == known.negative
+end
+
+--- Whether a response is of the family of a request, of its axis, and has as many parameters.
+-- nil where either lacks a part of its header. What stands behind the id 0x80 is not documented, and its
+-- number says nothing.
+function M.kind_fits(request, data)
+  local asked, count = request.request_id, request.parameter_count
+  if asked == nil or count == nil or #data < HEADER then return nil end
+  local _, id, axis, got = data:byte(1, HEADER)
+  return M.family_fits(asked, id) and axis == request.axis and (got == count or id == NOT_SUPPORTED)
+end
+
 local Response = {rest = ""}
 Response.__index = Response
 
@@ -446,7 +467,7 @@ end
 local function response_body(response, data, known, request, options, cut_off)
   local id, count, flaws = response.response_id, response.parameter_count, response.flaws
   if not known then flaw(flaws, "DS319", 1, {id = format("0x%02X", id)}) end
-  local unsupported = id == REQUEST_NOT_SUPPORTED
+  local unsupported = id == NOT_SUPPORTED
   if count == 0 and not unsupported then flaw(flaws, "DS303", 3) end
   -- What a drive answers that does not know the request is the profile's.
   local vendor = known and known.vendor or not unsupported and request and request.operation == "vendor"

@@ -5,7 +5,7 @@
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
 local arrays = require("ds47.support.arrays")
-local family_fits = require("ds47.profidrive.family").family_fits
+local family_fits = require("ds47.profidrive.parameter").family_fits
 local status_hex = require("ds47.spec.statuses").status_hex
 local tables = require("ds47.spec.tables")
 local times = require("ds47.support.times")

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ds47.profidrive import Options, Request, decode_response
-from ds47.profidrive.family import kind_fits
+from ds47.profidrive.parameter import kind_fits
 from ds47.spec.layouts import RECORD_PROFIDRIVE_API
 
 ALWAYS = frozenset({0xB02E, 0xB02F})

@@ -68,8 +68,10 @@ class Ms1Calls:
         return self._written.get((device, index), before) < before
 
     def _whose(self, call: ServiceCall) -> Record:
+        """Its record, with whose it is."""
         who = peer(call.master, call.station, self._idents.family(call.station))
-        return call.record.belongs(who, ours=call.record.index in self._events.concerned)
+        call.record = call.record.of(who, ours=call.record.index in self._events.concerned)
+        return call.record
 
     def _asked(self, call: ServiceCall) -> None:
         record = self._whose(call)

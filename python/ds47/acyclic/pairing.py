@@ -15,8 +15,8 @@ from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 from ds47.profidrive import Request, Response
 from ds47.profidrive.dictionary import Meaning
-from ds47.profidrive.family import kind_fits
-from ds47.profinet.completeness import Completeness, Hole
+from ds47.profidrive.parameter import kind_fits
+from ds47.profinet.completeness import Completeness, Missing
 from ds47.profinet.records import NIL_UUID, NO_API, ChannelKey, Half, Peer, Record
 from ds47.spec.plain import Plain
 from ds47.spec.semantics import Limits, phases
@@ -47,22 +47,6 @@ _NEVER: Final = Moment(0, 0)
 _FORGOTTEN: Final = Record(False, False, NIL_UUID, NO_API, 0, 0, 0, 0)
 _ENDS: Final = {"end": "ends", "expired": "unseen", "later": "later", "unseen": "unseen"}
 """Why a request is over without its response -> what is not in the capture then."""
-
-
-class Missing(NamedTuple):
-    """What is not in the capture, so that nobody can say that it did not come (docs/pairing.md, P73).
-
-    Attributes:
-        what: a key of diagnoses.toml.
-        first: the frame behind which it is missing,
-        last: the frame before which it is,
-        numbers: and the RPC sequence numbers, as far as these are known.
-    """
-
-    what: str
-    first: int | None = None
-    last: int | None = None
-    numbers: str | None = None
 
 
 @dataclass(slots=True, eq=False, init=False, repr=False)
@@ -340,6 +324,7 @@ class Pairing:
     ) -> None:
         self._limits = limits
         self._completeness = completeness
+        self._behind = _nothing_behind if completeness is None else completeness.behind
         self._told = told
         self._table = phases()
         self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
@@ -545,21 +530,6 @@ class Pairing:
     def may_lack(self, peer: Peer, frame: int) -> bool:
         """Whether something that a controller asked of a device may be missing behind a frame."""
         return self._behind(peer, frame) is not None
-
-    def _behind(self, peer: Peer, frame: int, *, ordered: bool = False) -> Missing | None:
-        """What may be missing behind a frame of what the controller sent, or stand elsewhere in the file.
-
-        `ordered`: what stands elsewhere does not matter.
-        """
-        if self._completeness is None:
-            return None
-        if peer.station is not None:
-            lost = self._completeness.lost_on_line(peer.station)
-            return Missing("line") if lost > frame else None
-        found = self._completeness.behind(peer.controller, peer.device, frame, ordered=ordered)
-        if not isinstance(found, Hole):
-            return None if found is None else Missing(found)
-        return Missing("calls", found.after or None, found.before, found.numbers())
 
     def _lacks(self, job: Job, reason: str) -> Missing | None:
         """Why nobody knows whether the response of a job was fetched, or came."""
@@ -1172,6 +1142,11 @@ class Pairing:
             self._lose(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
+
+
+def _nothing_behind(peer: Peer, since: int, *, ordered: bool = False) -> Missing | None:
+    """What may be missing where nobody tells what is."""
+    return None
 
 
 def _unanswered(job: Job, asked: Half) -> Missing:

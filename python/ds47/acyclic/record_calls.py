@@ -132,13 +132,12 @@ class RecordCalls:
         """The first record in the beginning of a message; None where that tells of none that can be ours."""
         if pdu.fragment or pdu.ptype not in (0, 2):
             return None
-        records = parse_request(pdu)[0] if pdu.ptype == 0 else parse_response(pdu)[1]
-        record = self._whose(pdu, records[0]) if records else None
-        return record if record is not None and record.ours else None
-
-    def _whose(self, pdu: rpc.Pdu, record: Record) -> Record:
         peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
-        return record.belongs(peer, ours=record.index in self._concerned)
+        if pdu.ptype == 0:
+            records = parse_request(pdu, peer, self._concerned)[0]
+        else:
+            records = parse_response(pdu, peer, self._concerned)[1]
+        return records[0] if records and records[0].ours else None
 
     # Requests
 
@@ -148,14 +147,13 @@ class RecordCalls:
         if pdu.opnum not in OPERATIONS:
             self._wait(pdu)
             return
-        records, multiple = parse_request(pdu)
+        events = self._events
         peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
-        events, concerned = self._events, self._concerned
+        records, multiple = parse_request(pdu, peer, self._concerned)
         if multiple or not records:
             self._several(pdu, records, multiple)
         call.context = records
         for record in records:
-            record.belongs(peer, ours=record.index in concerned)
             events.requests[record.index, record.write] += 1
             if self._pairing.replaced:
                 self._pairing.goes_on(*record.relation)
@@ -178,17 +176,18 @@ class RecordCalls:
         self._stations.message(answer)
         for alone in self._alone.pop(answer.frame, ()):
             alone.withdrawn = True
-        answers = parse_response(answer)[1]
+        peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
+        answers = parse_response(answer, peer, self._concerned)[1]
         for record in answers:
-            if self._whose(pdu, record).ours:
+            if record.ours:
                 self._events.not_unasked(record)
         if pdu.opnum not in (RPC_READ, RPC_READ_IMPLICIT) or not answers:
             self._asked(call, pdu)
             self._answered(call, answer)
             return
-        for record in parse_request(pdu)[0]:
+        for record in parse_request(pdu, peer, self._concerned)[0]:
             self._events.requests[record.index, False] += 1
-            if self._whose(pdu, record).ours:
+            if record.ours:
                 self._events.asked_late(record, answer.frame)
 
     def _again(self, call: RpcCall, pdu: rpc.Pdu) -> None:
@@ -275,11 +274,12 @@ class RecordCalls:
             self._goes_on(pdu)
             self._connection(pdu)
             return
-        records = parse_response(pdu)[1]
+        peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
+        records = parse_response(pdu, peer, self._concerned)[1]
         if not records:
             self._completeness.cut(pdu)
         for record in records:
-            if not self._whose(pdu, record).ours:
+            if not record.ours:
                 continue
             self._newest = pdu.frame
             if certain and not self._forgot_requests:

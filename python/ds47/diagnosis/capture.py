@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from ds47.acyclic.judge import Ways, asker
-from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Missing
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
 from ds47.diagnosis.targets import reach_of, target_of
@@ -20,9 +20,9 @@ from ds47.findings.remark import Remark
 from ds47.profidrive import Request, Response, decode_request
 from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import LOCAL, put
-from ds47.profidrive.family import NOT_SUPPORTED
+from ds47.profidrive.parameter import NOT_SUPPORTED
 from ds47.profidrive.model import Address
-from ds47.profinet.completeness import Completeness, Hole
+from ds47.profinet.completeness import Completeness, Hole, Missing
 from ds47.profinet.completeness import Pair as Lacking
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import Record

@@ -31,7 +31,8 @@ from ds47.spec.layouts import ADDRESS_SIZE, MESSAGE_SIZE
 from ds47.spec.semantics import limits
 
 _ADDRESS: Final = struct.Struct(">BBHH")
-_REQUEST_NOT_SUPPORTED: Final = 0x80
+NOT_SUPPORTED: Final = 0x80
+"""Response id of a device that does not know the request id."""
 _SINGLE: Final = 0x23
 """The error number of a drive that takes one parameter a request."""
 _LONGEST_SHARED: Final = 512
@@ -111,7 +112,7 @@ def decode_response(
     known = spec.response_ids().get(code)
     if known is None:
         flaws.append(Flaw("DS319", 1, {"id": f"0x{code:02X}"}))
-    unsupported = code == _REQUEST_NOT_SUPPORTED
+    unsupported = code == NOT_SUPPORTED
     if count == 0 and not unsupported:
         flaws.append(Flaw("DS303", 3, {}))
     vendor = (known is not None and known.vendor) or (
@@ -129,6 +130,31 @@ def decode_response(
     if known and not unsupported and known.negative == (not response.failed):
         _sign(response)
     return response
+
+
+@lru_cache(maxsize=4096)
+def family_fits(request_id: int, response_id: int) -> bool:
+    """Whether a response id belongs to a request id (docs/protocol.md A.3)."""
+    known = spec.request_ids().get(request_id)
+    if known is None:
+        return response_id & 0x7F == request_id & 0x7F or response_id == NOT_SUPPORTED
+    return response_id in (known.positive, known.negative, NOT_SUPPORTED)
+
+
+def kind_fits(request: Request, data: bytes) -> bool | None:
+    """Whether a response is of the family of a request, of its axis, and has as many parameters.
+
+    What stands behind the id 0x80 is not documented, and its number says nothing.
+
+    Args:
+        request: what was asked.
+        data: the response. None where either lacks a part of its header.
+    """
+    asked, count = request.request_id, request.parameter_count
+    if asked is None or count is None or len(data) < MESSAGE_SIZE:
+        return None
+    counted = data[3] == count or data[1] == NOT_SUPPORTED
+    return family_fits(asked, data[1]) and data[2] == request.axis and counted
 
 
 def _header(data: bytes) -> tuple[int | None, int | None, int | None, int | None]:

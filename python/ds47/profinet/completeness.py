@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Final, Literal
+from typing import Final, NamedTuple
 
+from ds47.profinet.records import Peer
 from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import RPC_READ, RPC_READ_IMPLICIT, RPC_WRITE
 
-What = Literal["one_direction", "requests", "renewed", "halves"]
-"""Missing: all that one side sent; requests of Writes; calls with repeated numbers; the other halves of calls."""
 STATION: Final = "dp"
 """The prefix of the name of a PROFIBUS station; its address follows."""
 _RESPONSE: Final = 2
@@ -23,6 +22,22 @@ _KEPT: Final = 64
 """How many holes of an activity, and lone responses of a pair, are kept one by one."""
 _RARELY: Final = 4
 """If only one in so many calls is an exception, there is a habit."""
+
+
+class Missing(NamedTuple):
+    """What is not in the capture, so that nobody can say that it did not come (docs/pairing.md, P73).
+
+    Attributes:
+        what: a key of diagnoses.toml.
+        first: the frame behind which it is missing,
+        last: the frame before which it is,
+        numbers: and the RPC sequence numbers, as far as these are known.
+    """
+
+    what: str
+    first: int | None = None
+    last: int | None = None
+    numbers: str | None = None
 
 
 class Hole:
@@ -311,32 +326,33 @@ class Completeness:
         """What is missing between two stations."""
         return self._pairs.get((client, server)) or Pair()
 
-    def behind(
-        self, client: str, server: str, since: int, *, ordered: bool = False
-    ) -> What | Hole | None:
-        """What may be missing of the calls of a client after a frame; None for nothing.
+    def behind(self, peer: Peer, since: int, *, ordered: bool = False) -> Missing | None:
+        """What may be missing of the calls of a controller after a frame; None for nothing.
 
         Out-of-order calls do not count if the calls are known to be `ordered`.
 
         Numbers prove nothing across activities. There it counts whether the capture lacks anything of this pair.
         """
-        pair = self._pairs.get((client, server))
+        if peer.station is not None:
+            return Missing("line") if self.lost_on_line(peer.station) > since else None
+        pair = self._pairs.get(peer[:2])
         if pair is None or not pair.activities:
-            return "requests"
+            return Missing("requests")
         across, anew = since < pair.since, 0
         for numbers in pair.activities:
             if numbers.holes and (across or numbers.holes[-1].before > since):
-                return numbers.holes[-1]
+                hole = numbers.holes[-1]
+                return Missing("calls", hole.after or None, hole.before, hole.numbers())
             anew = max(anew, numbers.anew)
         if pair.unasked and (across or pair.unasked[-1] > since):
-            return "requests"
+            return Missing("requests")
         if pair.disorder and pair.disorder >= since and not ordered:
-            return "halves"
+            return Missing("halves")
         if anew > since:
-            return "renewed"
+            return Missing("renewed")
         if not (pair.heard or pair.hears):
-            return "one_direction"
-        return "halves" if across and (pair.lost or pair.unread) else None
+            return Missing("one_direction")
+        return Missing("halves") if across and (pair.lost or pair.unread) else None
 
     def waits(self, client: str, server: str) -> bool:
         """Whether a client usually waits for each response, on a wire that doubles them.

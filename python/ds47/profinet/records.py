@@ -6,7 +6,7 @@ Opens one level of IODWriteMultiple (0xE040). Knows nothing of DS47: `data` is o
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection
+from collections.abc import Collection, Container
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -121,9 +121,8 @@ ChannelKey = tuple[str, str, bytes, int, int, int, int]
 """A DS47 channel (docs/pairing.md, record level): controller, device, AR, API, slot, subslot, index."""
 
 
-_NOBODY: Final = Peer("", "")
-_NOBODYS: Final[Relation] = ("", "", NIL_UUID)
-_NOWHERE: Final[ChannelKey] = (*_NOBODYS, 0, 0, 0, 0)
+NOBODY: Final = Peer("", "")
+_NONE: Final[frozenset[int]] = frozenset()
 Answer = tuple[Half, int, tuple[Any, ...]]
 """What a response block answers, its place in an IODWriteMultiple (0 outside), the fields of its header."""
 
@@ -132,7 +131,7 @@ Answer = tuple[Half, int, tuple[Any, ...]]
 class Record(Plain):
     """One record call: where it goes, its request and its response.
 
-    From `peer` on it has what the steps behind this one find out: `belongs` says whose it is.
+    From `proven` on it has what the steps behind this one find out.
     """
 
     write: bool
@@ -170,6 +169,8 @@ class Record(Plain):
         position: int,
         request: Half | None = None,
         response: Half | None = None,
+        peer: Peer = NOBODY,
+        ours: bool = False,
     ) -> None:
         self.write = write
         self.implicit = implicit
@@ -181,17 +182,18 @@ class Record(Plain):
         self.position = position
         self.request = request
         self.response = response
-        self.peer, self.relation, self.channel = _NOBODY, _NOBODYS, _NOWHERE
-        self.ours = self.proven = False
+        self.peer, self.ours, self.proven = peer, ours, False
+        controller, device = peer[0], peer[1]
+        self.relation = controller, device, ar
+        self.channel = controller, device, ar, api, slot, subslot, index
         self.job = None
 
-    def belongs(self, peer: Peer, *, ours: bool = True) -> Record:
-        """Says who asks whom for it, and whether it may be ours. Returns itself."""
-        controller, device, ar = peer.controller, peer.device, self.ar
-        self.peer, self.ours = peer, ours
-        self.relation = controller, device, ar
-        self.channel = controller, device, ar, self.api, self.slot, self.subslot, self.index
-        return self
+    def of(self, peer: Peer, *, ours: bool = True) -> Record:
+        """The same call of these two, where nobody knew who they are when it came."""
+        return Record(
+            self.write, self.implicit, self.ar, self.api, self.slot, self.subslot, self.index, self.position,
+            self.request, self.response, peer, ours,
+        )  # fmt: skip
 
     @property
     def place(self) -> tuple[int, int, int]:
@@ -199,8 +201,15 @@ class Record(Plain):
         return self.api, self.slot, self.subslot
 
 
-def parse_request(pdu: Pdu) -> tuple[list[Record], bool]:
+def parse_request(
+    pdu: Pdu, peer: Peer = NOBODY, concerned: Container[int] = _NONE
+) -> tuple[list[Record], bool]:
     """The records of a Read, Write or ReadImplicit request. Never raises: what does not parse is absent.
+
+    Args:
+        pdu: the request.
+        peer: who asks whom.
+        concerned: the indices of which a record may be ours.
 
     Returns:
         The records in their order, and whether it is an IODWriteMultiple. One inside another is a record of
@@ -217,7 +226,9 @@ def parse_request(pdu: Pdu) -> tuple[list[Record], bool]:
             half = Half(pdu.frame, pdu.time_ns, b"", stated)
             implicit = opnum == RPC_READ_IMPLICIT
             ar = NIL_UUID if implicit else ar
-            return [Record(False, implicit, ar, api, slot, subslot, index, 0, half)], False
+            return [Record(
+                False, implicit, ar, api, slot, subslot, index, 0, half, None, peer, index in concerned
+            )], False  # fmt: skip
         start = offset + RECORD_SIZE
         carried = data[start : start + stated]
         if index == RECORD_WRITE_MULTIPLE and not multiple:
@@ -226,7 +237,9 @@ def parse_request(pdu: Pdu) -> tuple[list[Record], bool]:
         missing, position = stated - len(carried), len(records) + 1 if multiple else 0
         cut = missing > 0 and pdu.cut is not None
         half = Half(pdu.frame, pdu.time_ns, carried, stated, missing, cut=cut)
-        records.append(Record(True, False, ar, api, slot, subslot, index, position, half))
+        records.append(Record(
+            True, False, ar, api, slot, subslot, index, position, half, None, peer, index in concerned
+        ))  # fmt: skip
         if not multiple:
             break
         offset = start + stated + -stated % 4
@@ -244,11 +257,13 @@ def without_block(pdu: Pdu, status: int | None, *, write: bool) -> Half:
     )
 
 
-def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
+def parse_response(
+    pdu: Pdu, peer: Peer = NOBODY, concerned: Container[int] = _NONE
+) -> tuple[int | None, list[Record]]:
     """PNIOStatus of the NDR header (None for an empty body) and the response blocks as records.
 
     The blocks carry their own address, so that a response without its request can still be placed.
-    An IODWriteMultiple gives its inner responses only.
+    An IODWriteMultiple gives its inner responses only. Arguments as for `parse_request`.
     """
     status, answers = parse_answers(pdu)
     write, implicit, records = (
@@ -259,7 +274,9 @@ def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
     for half, position, block in answers:
         (_kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index, _data) = block
         ar = NIL_UUID if implicit else ar
-        records.append(Record(write, implicit, ar, api, slot, subslot, index, position, None, half))
+        records.append(Record(
+            write, implicit, ar, api, slot, subslot, index, position, None, half, peer, index in concerned
+        ))  # fmt: skip
     return status, records
 
 

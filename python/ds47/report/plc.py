@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 from ds47.model import DS47, CaptureResult, Finding, Transaction
-from ds47.profidrive.family import family_fits
+from ds47.profidrive.parameter import family_fits
 from ds47.report.bilingual import Both, joined, say
 from ds47.spec.semantics import limits
 
