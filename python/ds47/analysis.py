@@ -354,24 +354,21 @@ class Analysis:
     def _frames(self, frames: Capture | Series) -> None:
         note, other, happens = self._times.note, self._other, self._records.takes
         for frame in frames:
-            if frame.link_type not in LINK_TYPES:
-                note(frame.number, frame.time_ns)
-                pdu = from_frame(frame) or other(frame)
-                if pdu is not None:
-                    if pdu.cut is not None and pdu.opnum in OPERATIONS:
-                        self._diagnoses.cut(pdu.cut)
-                    for what, call, message in self._calls.take(pdu):
-                        happens[what](call, message)
-                if self._told:
-                    self._hear()
-                continue
-            self._untimed = not frames.timed
+            on_bus = frame.link_type in LINK_TYPES
+            self._untimed = on_bus and not frames.timed
             if not self._untimed:
-                self._times.note(frame.number, frame.time_ns)
-            if self._lines is None:
-                self._lines = self._made_lines()
-            self._lines.take(frame)
-            self._hear()
+                note(frame.number, frame.time_ns)
+            if on_bus:
+                if self._lines is None:
+                    self._lines = self._made_lines()
+                self._lines.take(frame)
+            elif (pdu := from_frame(frame) or other(frame)) is not None:
+                if pdu.cut is not None and pdu.opnum in OPERATIONS:
+                    self._diagnoses.cut(pdu.cut)
+                for what, call, message in self._calls.take(pdu):
+                    happens[what](call, message)
+            if self._told:
+                self._hear()
 
     def _other(self, frame: Frame) -> Pdu | None:
         """The PDU that a frame has or completes which is not simply one PDU; None for none.

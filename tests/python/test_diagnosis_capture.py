@@ -159,9 +159,7 @@ def test_a_read_where_something_is_asked_may_be_for_that(at: Place) -> None:
     assert Whole(job(READ), job(READ, ANSWER, frame=20, at=at)).idle(4, at).of("DS706") == []
     if at == THERE:
         unseen = Whole(job(READ)).idle(4)
-        unseen.capture.foreign(
-            Record(True, False, b"", 0, *at, 0).of(Peer("c", "d", 0x2A, 0x501))
-        )
+        unseen.capture.foreign(Record(True, False, b"", 0, *at, 0).of(Peer("c", "d", 0x2A, 0x501)))
         assert unseen.of("DS706") == []
 
 

@@ -99,7 +99,7 @@ class Index47:
         """The ARs that have proved themselves; the one that spoke last comes last."""
         self._held: OrderedDict[ArKey, _Waiting] = OrderedDict()
         self._events = 0
-        self._drives: OrderedDict[tuple[str, Place], bool] = OrderedDict()
+        self.drives: OrderedDict[tuple[str, Place], bool] = OrderedDict()
         """Submodules that have responded at 0xB02E or 0xB02F; False: that are a store at 47."""
         self._sent: OrderedDict[tuple[str, Place], deque[bytes]] = OrderedDict()
         """The bytes of the newest Writes of a place, whoever waits that wrote them."""
@@ -157,20 +157,18 @@ class Index47:
 
     def responded(self, device: str, place: Place, data: bytes, codec: Options) -> None:
         """A record was read at 0xB02E or 0xB02F: with the shape of a response its submodule is that of a drive."""
-        if self._drives.get((device, place)) or not decode_response(data, None, codec).shaped:
-            return
-        self._put(device, place, drive=True)
+        if decode_response(data, None, codec).shaped:
+            self._put(device, place, drive=True)
 
     def _put(self, device: str, place: Place, *, drive: bool) -> None:
-        self._drives[device, place] = drive
-        if len(self._drives) > self._most_open:
-            self._drives.popitem(last=False)
+        self.drives[device, place] = drive
+        if len(self.drives) > self._most_open:
+            self.drives.popitem(last=False)
 
     def is_of_drive(self, device: str, place: Place) -> bool:
         """Whether a place is that of a drive, whoever asks there: under the API of PROFIdrive, or it responded."""
         there = RECORD_PROFIDRIVE_API, *place[1:]
-        drives = self._drives
-        return place == there or any(drives.get((device, each)) for each in (place, there))
+        return place == there or any(self.drives.get((device, each)) for each in (place, there))
 
     def heard(self, ar: ArKey, frame: int, *, asks: bool) -> None:
         """A record waits now: a request, or a response without one."""
@@ -196,14 +194,14 @@ class Index47:
         if len(held.asked) > self._waiting:
             held.asked.popitem(last=False)
         spot = ar[1], place
-        held.stores |= self._drives.get(spot) is False
+        held.stores |= self.drives.get(spot) is False
         self._sent.setdefault(spot, deque(maxlen=_SENT)).append(data)
         if len(self._sent) > self._waiting:
             self._sent.popitem(last=False)
 
     def asks(self, device: str, place: Place, request: Request) -> bool:
         """Whether a Write is a question, as far as its place is no store."""
-        return is_question(request) and self._drives.get((device, place)) is not False
+        return is_question(request) and self.drives.get((device, place)) is not False
 
     def echoed(self, ar: ArKey, place: Place, data: bytes) -> Sequence[ArKey] | None:
         """A Read brought a record: if it is what was written once more, the ARs that a question proved (P20).
@@ -213,7 +211,7 @@ class Index47:
         device, spot = ar[1], (ar[1], place)
         if not any(_is_echo(sent, data) for sent in self._sent.get(spot, ())):
             return None
-        known, gone = self._drives.get(spot) is False, list[ArKey]()
+        known, gone = self.drives.get(spot) is False, list[ArKey]()
         self._put(*spot, drive=False)
         for each in [ar] if known else list(self._held):
             held = self._held.get(each)

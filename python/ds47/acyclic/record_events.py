@@ -159,22 +159,20 @@ class RecordEvents:
             self._back(record, half)
         else:
             self.newest_ns, self.newest_frame = half.time_ns, half.frame
-        if not record.write:
-            self._read(record, half)
-        elif record.job is not None:
-            self._pairing.write_response(record.job, half)
+        if record.write:
+            if record.job is not None:
+                self._pairing.write_response(record.job, half)
+        elif half.cut and half.untold:
+            self._pairing.read_untold(record)
+        else:
+            spot = record.channel[1], record.channel[3:6]
+            if record.index in ALWAYS and half.data and not self._index47.drives.get(spot):
+                self._index47.responded(*spot, half.data, self._codec)
+            self._pairing.read_response(record)
 
     def _write_failed(self, record: Record, half: Half) -> None:
         if record.job is not None:
             self._pairing.write_response(record.job, half, fault=True)
-
-    def _read(self, record: Record, half: Half) -> None:
-        if half.cut and half.untold:
-            self._pairing.read_untold(record)
-            return
-        if record.index in ALWAYS and half.data:
-            self._index47.responded(record.peer.device, record.place, half.data, self._codec)
-        self._pairing.read_response(record)
 
     def _proves(self, record: Record, half: Half) -> bool:
         """Whether what a Read brought shows that its AR uses the parameter channel."""

@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import zip_longest
-from typing import cast
 
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, State, Transaction, Value
@@ -51,7 +50,7 @@ def build(job: Job) -> Transaction:
     )
     nowhere = record.api == NO_API
     return Transaction(
-        _operation(job) if message is None else cast(Operation, message.operation),
+        _operation(job) if message is None else message.operation,
         _state(job, refused),
         peer.controller,
         peer.device,

@@ -102,7 +102,7 @@ def _signs(
     pnu = address.pnu.to_bytes(2)
     place = bytes((address.attribute, address.element_count)) + pnu + address.subindex.to_bytes(2)
     whole = b"" if value is None else bytes((value.format, value.value_count)) + value.raw
-    head = device, request.operation or ""
+    head = device, request.operation
     return (*head, pnu), (*head, place), (*head, place + b"=" + whole)
 
 

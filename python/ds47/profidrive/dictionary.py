@@ -108,7 +108,7 @@ def unit_of(row: spec.Pnu | None, format_name: str | None) -> str | None:
 def changes_itself(pnu: int, vendor_id: int | None, family: str | None = None) -> bool:
     """Whether a drive may change a parameter itself, by any table; for other makers only by the profile."""
     if vendor_id in (None, SIEMENS) or family is not None:
-        return spec.changes_itself(pnu)
+        return pnu in spec.changing()
     row = spec.parameter(pnu)
     return row is not None and row.volatile
 

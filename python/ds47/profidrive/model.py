@@ -149,7 +149,7 @@ class Request(Plain):
     flaws: list[Flaw]
     rest: bytes
     length: int
-    operation: str
+    operation: spec.Operation
     """One of "read", "change", "vendor", or "unknown" for a request id in no table."""
     describes: bool
     """Whether it addresses a description."""
@@ -270,7 +270,7 @@ def format_name(code: int, meaning: int | None) -> str:
 
 
 @cache
-def _operations() -> dict[int | None, str]:
+def _operations() -> dict[int | None, spec.Operation]:
     return {code: known.operation for code, known in spec.request_ids().items()}
 
 

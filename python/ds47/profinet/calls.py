@@ -160,9 +160,9 @@ class CallTracker:
         told: list[Became] = []
         if pdu.opnum == NO_OPERATION:
             if pdu.ptype == 0:
-                self._activity(pdu, told).numbers.add(
-                    pdu
-                )  # of a call that is none of PROFINET its number counts
+                # of a call that is none of PROFINET its number counts
+                self._activity(pdu, told).numbers.add(pdu)
+                self._activities.move_to_end((pdu.client, pdu.activity))
             return told
         recent, mark, now = self._recent, pdu.mark, pdu.time_ns
         before = recent.get(mark)
@@ -242,7 +242,10 @@ class CallTracker:
 
     def _request(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["requests"] += 1
-        activity, seq = self._activity(pdu, told), pdu.seq
+        activity, seq = self._activities.get((pdu.client, pdu.activity)), pdu.seq
+        if activity is None or activity.server is not pdu.server:
+            activity = self._activity(pdu, told)
+        self._activities.move_to_end((pdu.client, pdu.activity))
         key, calls, numbers = (pdu.client, pdu.activity, seq), activity.calls, activity.numbers
         if calls and (
             pdu.time_ns - activity.oldest_ns > self._expiry_ns or len(calls) > self._most
@@ -320,7 +323,6 @@ class CallTracker:
         if activity is None:
             activity = self._activities[key] = Activity(pdu)
             self._make_room(told)
-        self._activities.move_to_end(key)
         if activity.server is not pdu.server:  # the same text may stand there twice: no harm
             activity.server = pdu.server
             self._completeness.began(pdu, activity.numbers)

@@ -490,13 +490,9 @@ def usual(number: int) -> Pnu | None:
     return next((row for row in rows if row.type != "unknown"), rows[0] if rows else None)
 
 
-def changes_itself(number: int) -> bool:
-    """Whether drives of any family change a parameter themselves."""
-    return number in _changing()
-
-
 @cache
-def _changing() -> frozenset[int]:
+def changing() -> frozenset[int]:
+    """The parameters that drives of any family change themselves."""
     rows = ((number, row) for number, all_ in parameters().items() for row in all_.values())
     return frozenset(number for number, row in rows if row.volatile)
 
@@ -530,7 +526,7 @@ def is_changing(number: int, name: str | None) -> bool:
     rows = parameters().get(number, {}).values()
     meant = [row for row in rows if row.family == "profile" or name in (row.name_en, row.name_zh)]
     if not meant and name is not None:
-        return changes_itself(number)  # the name is from the drive, or from a list of the user
+        return number in changing()  # the name is from the drive, or from a list of the user
     return any(row.volatile for row in meant)
 
 
