@@ -225,6 +225,27 @@ def test_a_job_is_refused() -> None:
     assert "(8104)" in words("DS909", remark.args)
 
 
+@pytest.mark.parametrize(
+    ("operation", "sizes", "said"),
+    [
+        (GET, [3000], "; the answer would need 3018 bytes, the PDU has 240: 222 bytes fit in one job, so 14 jobs"),
+        (GET, [9] * 17, "; the answer would need 251 bytes, the PDU has 240: one job has room for 16 of the items"),
+        (GET, [222], ""),
+        (PUT, [300], "; the request needs 328 bytes, the PDU has 240: 212 bytes fit in one job, so 2 jobs"),
+        (PUT, [99, 99], "; the request needs 243 bytes, the PDU has 240: one job has room for 1 of the items"),
+    ],
+)  # fmt: skip
+def test_what_is_too_long_for_a_pdu_is_summed_up(
+    operation: str, sizes: list[int], said: str
+) -> None:
+    """Each item of odd length has a fill byte but the last one."""
+    line = Line(pdu=240)
+    items = [(db(0, size), bytes(size)) for size in sizes]
+    line.answer(line.ask(operation, *items), error=0x8500)
+    sentence = words("DS909", line.one("DS909").args)
+    assert sentence.endswith(f"(8500){said}")
+
+
 def test_several_items_are_one_note_of_a_connection() -> None:
     line = Line()
     jobs = [line.do(GET, db(0, 1), db(4, 1)) for _ in range(3)]

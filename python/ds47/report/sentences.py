@@ -26,7 +26,7 @@ VALUES_SHOWN: Final = 4
 """The most values of a list that a sentence names."""
 _LINE: Final = 100
 _NUMBER: Final = re.compile(r"\d+")
-_OF_ERROR: Final = re.compile(r"(?=0x[0-9A-F]{2}(?:, several parameters|，多个参数)?[:：])")
+_OF_ERROR: Final = re.compile(r"(?=0x(?:[0-9A-F]{2}){1,2}(?:, several parameters|，多个参数)?[:：])")
 """The start of a part of an advice that is about one error number."""
 _SEVERAL: Final = (", several parameters", "，多个参数")
 """What follows the number if the part is only about requests with several parameters."""

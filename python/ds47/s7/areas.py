@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import accumulate
+from typing import Any, NamedTuple
 
 from ds47.s7.addresses import text
 from ds47.s7.consistency import ItemAccess
@@ -28,6 +29,8 @@ from ds47.spec import s7
 
 BITS = 0x83
 INSTANCE = 0x85
+TOO_LONG = 0x8500
+"""Error class and code of a job whose PDU, or that of its answer, is too long."""
 MEMORIES = (BITS, DB, INSTANCE)
 """Areas that keep what is written; the process image and the peripherals do not."""
 MOST = 1 << 16
@@ -258,3 +261,29 @@ def fills(job: S7Job) -> bool:
             size += each.address.length
     room = s7.room(job.operation, length, len(items))
     return room > 0 and 100 * size >= FULL * room
+
+
+def too_long(job: S7Job) -> dict[str, Any]:
+    """Why a job, or its answer, has no room in a PDU, and what of it has (docs/s7.md 3).
+
+    Returns:
+        `sum`: what it is, a key of diagnoses.toml, "fits" where it has room, nobody knows the lengths,
+        or it was refused for something else;
+        `needs`: the bytes of that PDU; `agreed`: how many it may have; `room`: of one item the bytes that fit, of
+        several how many of the first ones do; `jobs`: in how many jobs that is done.
+    """
+    agreed, sizes = job.connection.pdu_length, [each.address.length for each in job.items if each.address]
+    if job.error != TOO_LONG or agreed is None or len(sizes) < max(1, len(job.items)):
+        return {"sum": "fits"}
+    filled = [size + size % 2 for size in sizes]
+    needs = [
+        agreed - s7.room(job.operation, agreed, count) + before + size
+        for count, (before, size) in enumerate(zip([0, *accumulate(filled)], sizes, strict=False), 1)
+    ]
+    one = s7.room(job.operation, agreed)  # bytes of a single item
+    if needs[-1] <= agreed or one <= 0:
+        return {"sum": "fits"}
+    args = {"needs": needs[-1], "agreed": agreed}
+    if len(sizes) == 1:
+        return args | {"sum": f"{job.operation}_bytes", "room": one, "jobs": -(-sizes[0] // one)}
+    return args | {"sum": f"{job.operation}_items", "room": sum(each <= agreed for each in needs)}

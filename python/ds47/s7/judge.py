@@ -12,6 +12,7 @@ from typing import Any
 
 from ds47.findings.remark import Remark
 from ds47.s7.addresses import text
+from ds47.s7.areas import too_long
 from ds47.s7.blocks import Blocks, BlockSize
 from ds47.s7.drives import ADDRESSES, Drives, element
 from ds47.s7.model import (
@@ -295,7 +296,8 @@ class S7Judge(S7Listener):
         if at is None:
             return
         if job.error:
-            self._say("DS909", job, at, operation=operation, area=areas(job.items), code=job.error)
+            of = areas(job.items)
+            self._say("DS909", job, at, operation=operation, area=of, code=job.error, **too_long(job))
             return
         for code in dict.fromkeys(each.code for each in job.items):
             failed = [each for each in job.items if each.code == code]
