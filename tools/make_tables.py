@@ -249,7 +249,7 @@ def _parameter(row: spec.Pnu) -> dict[str, object]:
 
 def _families() -> Iterator[str]:
     yield from block("M.families", spec.FAMILIES)
-    changing = [number for number in spec.parameters() if spec.changes_itself(number)]
+    changing = [number for number in spec.parameters() if number in spec.changing()]
     yield f"M.changing = {literal(dict.fromkeys(sorted(changing), True))}"
 
 

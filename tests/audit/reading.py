@@ -320,8 +320,7 @@ class Reading:
 
     def releases(self, deal: Deal) -> list[int]:
         """The frames in which the AR of a transaction was given up after its request."""
-        calls = {call.request.frame for call in self.given_up}
-        return [frame for _, frame in self._ends(deal) if frame in calls]
+        return [frame for operation, frame in self._ends(deal) if operation == wire.RELEASE]
 
     def ends(self, deal: Deal) -> list[int]:
         """The same, and those in which it was set up anew: so it was over before."""

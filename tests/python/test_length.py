@@ -218,7 +218,11 @@ def room(
     assert (remark.rule, remark.frame) == ("DS713", 4)
     corrected = remark.corrected
     assert not callable(corrected)
-    return remark.args, corrected
+    args = {key: value for key, value in remark.args.items() if key not in ROOM}
+    return args, corrected
+
+
+ROOM = ("fit", "fits", "most")
 
 
 def arrays(count: int) -> bytes:
@@ -243,6 +247,21 @@ def test_a_parameter_that_was_too_long_is_named_and_the_others_are_offered() -> 
          "room": "room_seen", "limit": 172},
         message.read(1, 1, message.address(2902, 1, 40)),
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("case", "stated", "said"),
+    [
+        (job(arrays(3), message.answer(1, 1, 1, FORTY)), None, ("fit_parameters", 1, 240)),
+        (job(arrays(3), message.answer(1, 1, 1, FORTY, FORTY)), 330, ("fit_parameters", 2, 330)),
+        (job(arrays(1), message.answer(1, 0x81, 1, message.error(0x15))), 100, ("fit_elements", 23, 100)),
+    ],
+)  # fmt: skip
+def test_how_much_has_room_is_counted(
+    case: Job, stated: int | None, said: tuple[str, int, int]
+) -> None:
+    (remark,) = length.answer_too_long(case, stated, 0, sizes)
+    assert tuple(remark.args[key] for key in ROOM) == said
 
 
 def test_nothing_is_offered_where_no_parameter_had_a_value() -> None:

@@ -127,6 +127,27 @@ local function without_room(request, blocks, length, most, size_of)
   return nil
 end
 
+-- For how many of the parameters, or of the elements of the first one, a response has room: the key of the words,
+-- and the number. Nobody knows that where the size of a value is not known; those that were answered show theirs.
+local function room_for(request, blocks, room, size_of)
+  local left = room - HEADER
+  for number, address in ipairs(request.addresses) do
+    local block, size = blocks[number], address.attribute == VALUE and size_of(address.pnu) or nil
+    local needs = nil
+    if block and not block.error then
+      needs = BLOCK_HEADER + #block.raw + #(block.pad or "")
+    elseif size then
+      needs = least_block(address, size_of)
+    else
+      return nil, nil
+    end
+    if needs > left and number == 1 and size then return "fit_elements", floor(max(0, left - BLOCK_HEADER) / size) end
+    if needs > left then return "fit_parameters", number - 1 end
+    left = left - needs
+  end
+  return nil, nil
+end
+
 -- The numbers of the parameters that have their values: one response could carry those.
 local function answered(blocks)
   local found = {}
@@ -147,10 +168,12 @@ function M.answer_too_long(remarks, job, stated, longest, size_of)
   local what, number = without_room(request, response.blocks, #half.data, most, size_of)
   if what then
     local address, good = request.addresses[number], answered(response.blocks)
+    local fit, fits = room_for(request, response.blocks, most, size_of)
     put(remarks, "DS713", half.frame, {
       parameters = rules.parameters_asked(job), number = #good, what = what,
       pnu = address.pnu, subindex = address.subindex,
       room = limit and "room_stated" or "room_seen", limit = limit or longest,
+      fit = fit, fits = fits, most = fit and most,
     })
     if good[1] and #good < #request.addresses and good[#good] <= #request.addresses then
       remarks[#remarks].corrected = suggest.only(request, good)

@@ -116,6 +116,7 @@ function shown(name, rule, args, lang)
     return drive(args, lang)
   end
   local kind, value = rule.args and rule.args[name] or "text", args[name]
+  if value == nil and kind == "key" then return "" end -- of a clause that is not always there
   if value == nil then return ABSENT[kind] and "-" or "?" end
   if kind == "reason" then return reason(args, lang) end
   if kind == "key" then return fill(key_words(value, lang), rule, args, lang) end

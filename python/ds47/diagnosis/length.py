@@ -138,10 +138,12 @@ def answer_too_long(
         return
     what, number = found
     address, good = request.addresses[number], answered(response.blocks)
+    fit, fits = _room_for(request, response.blocks, most, size_of)
     args: dict[str, Any] = {
         "parameters": request.asked, "number": len(good), "what": what,
         "pnu": address.pnu, "subindex": address.subindex,
         "room": "room_seen" if limit is None else "room_stated", "limit": limit or longest,
+        "fit": fit, "fits": fits, "most": None if fit is None else most,
     }  # fmt: skip
     corrected = None
     if good and len(good) < len(request.addresses) and good[-1] < len(request.addresses):
@@ -149,6 +151,31 @@ def answer_too_long(
 
         corrected = suggest.only(request, good)
     yield Remark("DS713", half.frame, args, corrected=corrected)
+
+
+def _room_for(
+    request: Request, blocks: list[Block], room: int, size_of: SizeOf
+) -> tuple[str | None, int | None]:
+    """For how many of the parameters, or of the elements of the first one, a response has room.
+
+    Nobody knows that where the size of a value is not known; the parameters that were answered show theirs.
+    """
+    left = room - MESSAGE_SIZE
+    for number, address in enumerate(request.addresses):
+        block = blocks[number] if number < len(blocks) else None
+        size = size_of(address.pnu) if address.attribute == VALUE else None
+        if block is not None and block.error is None:
+            needs = VALUE_SIZE + len(block.raw) + len(block.pad)
+        elif size is None:
+            return None, None
+        else:
+            needs = _least_block(address, size_of)
+        if needs > left and not number and size:
+            return "fit_elements", max(0, left - VALUE_SIZE) // size
+        if needs > left:
+            return "fit_parameters", number
+        left -= needs
+    return None, None
 
 
 def answered(blocks: list[Block]) -> list[int]:

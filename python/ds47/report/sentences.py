@@ -243,8 +243,8 @@ class _Shown(dict[str, str]):
             dropped = self._args.get("dropped")
             between = "；" if self._lang == "zh" else "; "
             return known[value] + (between + known["dropped"] if dropped else "")
-        if kind == "key" and value is not None:
-            return _key_words(value, self._lang, self._form).format_map(self)
+        if kind == "key":  # of a clause that is not always there
+            return "" if value is None else _key_words(value, self._lang, self._form).format_map(self)
         if kind == "place" and value is not None:
             return place(value, self._lang)
         if kind == "text" and isinstance(value, str):

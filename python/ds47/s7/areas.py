@@ -267,14 +267,14 @@ def too_long(job: S7Job) -> dict[str, Any]:
     """Why a job, or its answer, has no room in a PDU, and what of it has (docs/s7.md 3).
 
     Returns:
-        `sum`: what it is, a key of diagnoses.toml, "fits" where it has room, nobody knows the lengths,
-        or it was refused for something else;
+        Nothing where it has room, nobody knows the lengths, or it was refused for something else. Else `sum`: what
+        it is, a key of diagnoses.toml;
         `needs`: the bytes of that PDU; `agreed`: how many it may have; `room`: of one item the bytes that fit, of
         several how many of the first ones do; `jobs`: in how many jobs that is done.
     """
     agreed, sizes = job.connection.pdu_length, [each.address.length for each in job.items if each.address]
     if job.error != TOO_LONG or agreed is None or len(sizes) < max(1, len(job.items)):
-        return {"sum": "fits"}
+        return {}
     filled = [size + size % 2 for size in sizes]
     needs = [
         agreed - s7.room(job.operation, agreed, count) + before + size
@@ -282,7 +282,7 @@ def too_long(job: S7Job) -> dict[str, Any]:
     ]
     one = s7.room(job.operation, agreed)  # bytes of a single item
     if needs[-1] <= agreed or one <= 0:
-        return {"sum": "fits"}
+        return {}
     args = {"needs": needs[-1], "agreed": agreed}
     if len(sizes) == 1:
         return args | {"sum": f"{job.operation}_bytes", "room": one, "jobs": -(-sizes[0] // one)}
