@@ -80,8 +80,8 @@ class _Form:
         if name == "drive":
             return self.of("{device}" if self._args.get("slot") is None else WORDS["drive"])
         self.named.add(name)
-        if kind == "key" and value is not None:
-            return self._clause(str(value))
+        if kind == "key":
+            return "" if value is None else self._clause(str(value))
         if kind == "reason":
             return re.escape(REASONS.get(str(value), "?")) + self.dropped("; ", "")
         return ("(?:[prP]0*)?" if kind == "pnu" else "") + _shown(kind, value)
