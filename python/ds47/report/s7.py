@@ -6,6 +6,7 @@ Used by the text report and by the HTML page; what is wrong there are findings l
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 
 from ds47.model import CaptureResult, Connection, Item, Transaction
 from ds47.profidrive import naming
@@ -19,6 +20,8 @@ COLUMNS = (
 """Of the table; their words are `s7_` and the name."""
 BYTES_SHOWN = 16
 """A longer value is cut, and its length stated."""
+LONGEST_PDU = 960
+"""Bytes: CPUs agree to 240, 480 or 960."""
 OK = 0xFF
 """The return code of an item that went well."""
 PUT = "put"
@@ -84,7 +87,36 @@ def _also(item: Connection) -> Both:
     return joined(counted) if counted else Both.same("")
 
 
-def evidence(result: CaptureResult) -> Iterator[Both]:
+def about(result: CaptureResult, most: int) -> Iterator[Both]:
+    """Sentences below the table, at most so many of each kind."""
+    for kind in (_evidence, _drives, _bsends):
+        yield from islice(kind(result), most)
+
+
+def _bsends(result: CaptureResult) -> Iterator[Both]:
+    """How long the longest BSEND of each connection takes, and with the longest PDU that a CPU agrees to."""
+    longest: dict[int | None, Transaction] = {}
+    for each in result.transactions:
+        if each.operation == "bsend" and each.state == "ok" and len(each.segments) > 1:
+            before = longest.setdefault(each.connection, each)
+            if len(each.segments) > len(before.segments):
+                longest[each.connection] = each
+    agreed = {each.id: each.pdu_length for each in result.connections}
+    for connection, item in longest.items():
+        took, size, count = item.duration_ns, len(item.items[0].value or b""), len(item.segments)
+        if took is None or not size:
+            continue
+        pdu = agreed.get(connection) or LONGEST_PDU
+        best = 1 - min(0, s7.room("bsend_first", LONGEST_PDU) - size) // s7.room("bsend", LONGEST_PDU)
+        yield say(
+            "s7_bsend_takes" if pdu >= LONGEST_PDU else "s7_bsend_takes_longer",
+            sender=escape(item.controller), receiver=escape(item.device), r_id=str(item.r_id),
+            bytes=f"{size:,}", took=duration(took), n=count, each=duration(took // count), pdu=str(LONGEST_PDU),
+            best=str(best),
+        )  # fmt: skip
+
+
+def _evidence(result: CaptureResult) -> Iterator[Both]:
     """What servers say of themselves, each thing once for a server."""
     seen: set[tuple[str, str, int | str]] = set()
     for connection in result.connections:
@@ -98,7 +130,7 @@ def evidence(result: CaptureResult) -> Iterator[Both]:
                 )  # fmt: skip
 
 
-def drives(result: CaptureResult) -> Iterator[Both]:
+def _drives(result: CaptureResult) -> Iterator[Both]:
     """Which servers are drives, or may be, each once: what shows it, and what the first address stands for."""
     seen: set[str] = set()
     for each in result.connections:

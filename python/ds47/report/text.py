@@ -396,9 +396,7 @@ class Writer(_Writer):
         left_out = len(result.connections) - len(listed) + result.connections_left_out
         if left_out:
             self._line("  " + self._say("s7_left_out", n=left_out))
-        for each in islice(communication.evidence(result), CONNECTIONS_LISTED):
-            self._line("  " + each.text(lang))
-        for each in islice(communication.drives(result), CONNECTIONS_LISTED):
+        for each in communication.about(result, CONNECTIONS_LISTED):
             self._line("  " + each.text(lang))
         if communication.blocks_missing(result):
             self._line("  " + self._say("s7_no_block"))

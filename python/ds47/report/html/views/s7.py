@@ -62,11 +62,8 @@ class S7View(NamedTuple):
             return None
         rows = list(islice(s7.rows(result), CONNECTIONS))
         left_out = len(result.connections) - len(rows) + result.connections_left_out
-        evidence = [
-            *islice(s7.evidence(result), CONNECTIONS),
-            *islice(s7.drives(result), CONNECTIONS),
-        ]
-        return cls(s7.head(), rows, left_out, evidence, _memories(result))
+        about = list(s7.about(result, CONNECTIONS))
+        return cls(s7.head(), rows, left_out, about, _memories(result))
 
 
 _Area = tuple[str, int, int, str]
