@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shlex
+import subprocess
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -104,8 +106,15 @@ def test_a_full_disk_has_a_name(capsys: Captured, captures: Path) -> None:
         pytest.skip("needs /dev/full")
     status, _, err = run(capsys, "report", "-o", full, captures / "tour-machine.pcapng")
     assert status == 2
-    assert err == "ds47: error: /dev/full: No space left on device\n"
-    assert run(capsys, "trail", "-o", full, captures / "tour-machine.pcapng")[2] == err
+    assert err == (
+        "ds47: error: cannot write /dev/full: No space left on device. Try: a file on another disk\n"
+    )
+    capture = captures / "tour-machine.pcapng"
+    assert run(capsys, "trail", "-o", full, capture)[2] == err
+    with full.open("w") as stream:  # the shell opened it: ds47 was told no name
+        words = [sys.executable, "-m", "ds47", "report", capture]
+        done = subprocess.run(words, stdout=stream, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (2, err)
 
 
 @pytest.mark.parametrize(

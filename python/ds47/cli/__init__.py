@@ -184,9 +184,18 @@ def _near(problem: click.ClickException, text: str) -> str:
 
 
 def _cannot(problem: OSError) -> str:
-    """What could not be written or read: without the name of a file it was the standard output."""
-    why = problem.strerror or str(problem)
-    return f"{problem.filename}: {why}" if problem.filename else f"standard output: {why}"
+    """What could not be read; without the name of a file it was the standard output that could not be written."""
+    if problem.filename:
+        return f"{problem.filename}: {problem.strerror}"
+    from pathlib import Path
+
+    from ds47.cli.common import cannot_write
+
+    try:
+        name = str(Path("/proc/self/fd/1").readlink())
+    except OSError:  # not Linux
+        name = ""
+    return cannot_write(name if name.startswith("/") else "standard output", problem).message
 
 
 def _meant(word: str) -> str:

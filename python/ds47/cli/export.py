@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import ENDINGS, EXPORTED, STDIN, about
-from ds47.cli.common import Misses, stdout, warn
+from ds47.cli.common import Misses, cannot_write, stdout, warn
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
@@ -183,7 +183,7 @@ def _examples(
         except CaptureError as problem:
             misses(about(task.path, str(problem)))
         except OSError as problem:
-            raise click.ClickException(f"cannot write: {problem}") from problem
+            raise cannot_write(str(problem.filename or stem), problem) from problem
     if misses:
         return _UNREADABLE
     return 0 if written else _NOTHING
@@ -313,7 +313,7 @@ class _Run:
         except OSError as problem:
             if target == STDIN:
                 raise
-            raise click.ClickException(f"cannot write {target}: {problem.strerror}") from problem
+            raise cannot_write(target, problem) from problem
         self._tell(task.path, target, done)
 
     def _tell(self, path: str, target: str, done: ExportOutcome) -> None:
