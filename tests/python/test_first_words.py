@@ -88,16 +88,23 @@ def test_an_example_is_what_its_command_takes(name: str, line: str) -> None:
     assert command.make_context(name, arguments).params
 
 
-def test_a_long_help_is_in_groups_with_an_example_first(capsys: Captured) -> None:
+def test_a_long_help_is_in_groups_with_an_example_first(
+    capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
     _, out, _ = run(capsys, "report", "-h")
     titles = [line.rstrip(":") for line in out.splitlines() if line and not line.startswith(" ")][
         1:
     ]
     assert titles[0] == "Examples"
-    assert titles[-3:] == ["PKW, cyclic frames, PROFIBUS", "S7", "Others"]
+    assert titles[-3:] == ["Many captures", "How to read the frames", "Cyclic frames, PROFIBUS, S7"]
     for option in ("--summary", "--all", "--s7-port", "--select", "--help"):
         assert out.count(f"{option} ") >= 1
+    assert len(out.splitlines()) <= 90
     assert "S7:" not in run(capsys, "explain", "-h")[1]
+    own = run(capsys, "export", "--help")[1].partition("Options:\n")[2].partition("\n\n")[0]
+    assert "--anonymise " in own
+    assert "--state" not in own
 
 
 def test_a_full_disk_has_a_name(capsys: Captured, captures: Path) -> None:

@@ -71,6 +71,8 @@ _READER_LEFT = 141
 _INTERNAL = 70
 """EX_SOFTWARE of sysexits.h. Python itself would end with 1, which says that something was found."""
 
+_WIDEST = 100
+"""Columns of a line of help."""
 _LONGEST = 300
 """Letters of an internal error that its line shows."""
 
@@ -116,7 +118,7 @@ class _Commands(click.Group):
             with formatter.section(title):
                 formatter.write_dl(list(commands.items()))
         with formatter.section("Examples"):
-            formatter.write_dl(EXAMPLES)
+            formatter.write_dl(EXAMPLES, 48)
         formatter.write_paragraph()
         formatter.write_text("No capture at hand? Start with: ds47 demo")
 
@@ -128,7 +130,10 @@ class _Commands(click.Group):
             return result
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": _WIDEST},
+)
 @click.version_option(__version__, message="%(prog)s %(version)s")
 def group() -> None:
     """What happened on the parameter channel of PROFIdrive drives, from captures of PROFINET, PROFIBUS and S7."""

@@ -55,14 +55,13 @@ _MARGIN = 8
 @click.option(
     "--fail-on",
     type=click.Choice(["never", *SEVERITIES]),
-    help="The severity from which on a new finding fails.  [default: what ds47.toml says, or error]",
+    metavar="SEVERITY",
+    help="Fail on a new finding at or above.  [default: that of ds47.toml, or error]",
 )
 @require_option
 @click.option("--junit", metavar="FILE", help="Write JUnit XML too, one test per capture.")
 @click.option("--sarif", metavar="FILE", help="Write SARIF 2.1.0 too.")
-@click.option(
-    "--summary", is_flag=True, help="Sum up by label, and say what the captures exercise."
-)
+@click.option("--summary", is_flag=True, help="Totals by label, and what the captures exercise.")
 @click.option(
     "--all", "show_all", is_flag=True, help=f"Print more than {_SHOWN} changes of a capture."
 )

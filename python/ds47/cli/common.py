@@ -35,7 +35,7 @@ width_option = click.option(
     "--width",
     type=click.IntRange(min=LEAST_WIDTH),
     metavar="COLUMNS",
-    help="Columns of a line of text; filters and bytes may be longer.  [default: the terminal's, or 140]",
+    help="Width of the text.  [default: the terminal's, or 140]",
 )
 
 
@@ -88,8 +88,8 @@ pkw_layout_option = click.option(
 def dialect_options(function: Function) -> Function:
     """The options for the dialect of formats that the drive speaks (docs/protocol.md A.6)."""
     for name, text in (
-        ("--profile-v3-types", "Formats by their numbers in PROFIdrive profile V3."),
-        ("--legacy-g120-formats", "Formats as old SINAMICS G120 firmware numbers them."),
+        ("--profile-v3-types", "Formats as numbered by PROFIdrive profile V3."),
+        ("--legacy-g120-formats", "Formats as numbered by old SINAMICS G120 firmware."),
     ):
         function = click.option(name, is_flag=True, help=text)(function)
     return function
