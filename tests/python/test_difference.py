@@ -327,6 +327,59 @@ def test_a_name_that_one_capture_lacks_is_that_of_the_other():
     assert difference(one, other, ("a", "b")).changed == []
 
 
+def elsewhere(made: dict[str, Any], ip: str, **device: Any) -> dict[str, Any]:
+    """The same capture with its drive at another address, as another device."""
+    other = deepcopy(made)
+    other["devices"] = [{**made["devices"][0], "ip": ip, **device}]
+    for item in other["transactions"]:
+        item["device"] = ip
+    return other
+
+
+@pytest.mark.parametrize(
+    ("ip", "device", "compared"),
+    [
+        ("10.0.0.9", {"station": "press-2", "device_id": 7}, 1),
+        ("10.0.0.9", {"station": "press-2", "device_id": None}, 1),
+        ("10.0.0.9", {"station": "press-2", "device_id": 8}, 0),
+        ("10.0.0.9", {"station": "press-1", "device_id": 8}, 1),  # its successor in the same place
+        ("dp3", {"station": None, "device_id": None}, 0),
+    ],
+)
+def test_drives_of_different_types_are_not_compared(ip, device, compared):
+    one = capture(asked(2, 1), station="press-1")
+    one["devices"][0]["device_id"] = 7
+    found = difference(one, elsewhere(one, ip, **device), ("a", "b"))
+    assert found.compared == compared
+    assert (found.strangers is None) == bool(compared)
+
+
+def test_without_a_common_drive_the_first_line_says_so_and_nothing_is_compared():
+    one = capture(asked(2, 1), station="press")
+    one["devices"][0]["device_id"] = 7
+    other = elsewhere(one, "10.0.0.9", station="pump", device_id=8)
+    other["transactions"][0]["state"] = "error"
+    found = difference(one, other, ("a", "b"))
+    assert list(lines(found)) == [
+        "A a", "B b", "",
+        "No drive is in both captures (A: press; B: pump), so nothing is compared.", "",
+        "requested in one capture only: 1 element in A, 1 element in B", "(--all lists them)",
+    ]  # fmt: skip
+    assert list(lines(found, "zh"))[3].startswith("没有驱动器")
+    stream = io.StringIO()
+    write(found, "html", stream)
+    assert "duration, write request to response" not in stream.getvalue()
+    stream = io.StringIO()
+    write(found, "json", stream)
+    document = json.loads(stream.getvalue())
+    assert [document[key] for key in ("states", "findings", "latency", "compared")] == [
+        [],
+        [],
+        [],
+        0,
+    ]
+
+
 def test_what_only_one_capture_has_is_one_line_without_all():
     one = capture(asked(2, 1), *(asked(number, 1) for number in range(100, 150)))
     text = list(lines(difference(one, capture(asked(2, 1)), ("a", "b"))))

@@ -82,4 +82,6 @@ def command(
         choice.refuse_backwards()
         there = instead.words(choice.selection)
         warn(say("trail_nothing", criteria=choice.criteria, devices=there).text(lang))
-    return 3 if misses else 0
+    if misses:
+        return 3
+    return int(bool(choice) and not changes)
