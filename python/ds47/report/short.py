@@ -70,7 +70,7 @@ class Short:
         rows: Sequence[str],
     ) -> Iterator[str]:
         yield from self._top(digest)
-        yield from head
+        yield from (line for each in head for line in fitted(each, self._whole))
         if number:
             yield from ("", self._paint("bold", self._say("to_do_head")))
         for each in digest.causes[:number]:
