@@ -136,6 +136,17 @@ def test_states_in_one_word(
     assert [each["id"] for each in capture["transactions"]] == numbers
 
 
+@pytest.mark.parametrize("name", ["params", "plugin", "lab"])
+def test_the_bare_name_of_a_family_of_commands_shows_its_help(
+    capsys: Captured, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    status, out, err = run(capsys, name)
+    assert (status, err) == (0, "")
+    assert out.startswith(f"Usage: ds47 {name}")
+    assert "..." not in out.partition("Commands:")[2]
+
+
 def test_several_codes(capsys: Captured) -> None:
     status, out, _ = run(capsys, "explain", "p1120", "DE80B500")
     assert status == 0
@@ -283,8 +294,9 @@ def test_a_verdict_of_a_part_says_so(capsys: Captured, captures: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "there"),
     [
-        (["--do", "9"], "there are DO 2"),
+        (["--do", "9"], "there is DO 2"),
         (["-t", "99"], "the last transaction is #8"),
+        (["--from", "9999"], "the capture lasts 13.5 s"),
         (["-r", "DS711"], "there are DS203, DS402, DS410, DS417, DS701, DS705, DS719, DS721"),
     ],
 )

@@ -114,6 +114,13 @@ def test_what_somebody_asked_for_stands_on_the_screen(
         "#5  08:00:00.7", "#6  08:00:01.1", "#7  08:00:01.3",
     ]  # fmt: skip
     assert any("the same command with --all" in line for line in lines)
+    assert main(["report", "-s", "failed", str(LONG)]) == 0
+    lines = re.sub(r"\x1b\[\d+m", "", capsys.readouterr().out).splitlines()
+    assert len(lines) <= 40
+    listed = sum(bool(re.match(r"#\d", line)) for line in lines)
+    (asked,) = re.findall(r"--state failed: (\d+) of", "".join(lines))
+    assert listed
+    assert f"  and {int(asked) - listed} more" in lines
 
 
 def test_what_has_room_is_there_as_a_whole() -> None:

@@ -500,15 +500,15 @@ def test_the_overview_is_written_line_by_line() -> None:
 
 PRINTED = """\
 Captures, the worst first
-  errors  warnings  notes  not ok  of  capture
-       -         -      -       -   -  gone  not readable: why
-       1         1      0       0   0  errors
-       1         0      0       0   0  error
-       0         2      3       0   0  warnings
-       0         1      0       0   0  warning
-       0         0      0       0   0  cut (4 files)  2 files of the series missing  only partly read: the file ends early  3 frames dropped
-       0         0      0       2   2  states
-       0         0      0       1   6  state
+  errors  warnings  notes  not ok  transactions  capture
+       -         -      -       -             -  gone  not readable: why
+       1         1      0       0             0  errors
+       1         0      0       0             0  error
+       0         2      3       0             0  warnings
+       0         1      0       0             0  warning
+       0         0      0       0             0  cut (4 files)  2 files of the series missing  only partly read: the file ends early  3 frames dropped
+       0         0      0       2             2  states
+       0         0      0       1             6  state
 
 Findings
   DS402: 4 findings in 3 captures

@@ -36,6 +36,14 @@ _LINE: Final = 48
 """Columns of an example that has its explanation beside it."""
 
 
+class Gathered(click.Group):
+    """A command of commands: its bare name shows its help, as `ds47` does."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click, but for no words at all."""
+        return super().parse_args(ctx, args or ["--help"])
+
+
 class Helped(click.Command):
     """A command with examples: pairs of a line to type and what it does."""
 

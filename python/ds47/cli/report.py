@@ -225,7 +225,7 @@ def command(
         return UNREADABLE
     if run.nothing:
         choice.refuse_backwards()
-        there = run.instead(choice.selection)
+        there = run.instead(choice.of(None))
         warn(say("nothing_matches", criteria=choice.criteria, devices=there).text(lang))
         return NOTHING
     if required and run.empty:

@@ -80,7 +80,7 @@ def command(
         writer.close()
     if choice and not changes:
         choice.refuse_backwards()
-        there = instead.words(choice.selection)
+        there = instead.words(choice.of(None))
         warn(say("trail_nothing", criteria=choice.criteria, devices=there).text(lang))
     if misses:
         return 3

@@ -31,8 +31,8 @@ _ADVICE: Final = 2
 """and of its advice."""
 _HEAD: Final = 2
 """Lines of the verdict in a summary."""
-_LISTED: Final = 8
-"""Transactions that stand on a screen of what somebody asked for, if there are so many,"""
+_LISTED: Final = 12
+"""Lines of the transactions on a screen of what somebody asked for,"""
 _FEWER: Final = 2
 """and the most causes beside them."""
 
@@ -44,7 +44,11 @@ class Short:
         self._lang, self._whole, self._width, self._paint = lang, width, min(width, WIDTH), paint
 
     def screen(
-        self, digest: Digest, head: Sequence[str], totals: Sequence[str], rows: Sequence[str] = ()
+        self,
+        digest: Digest,
+        head: Sequence[str],
+        totals: Sequence[str],
+        asked: Sequence[Sequence[str]] = (),
     ) -> list[str]:
         """At most LINES lines: as many causes as have room, and the verdict again at the end.
 
@@ -52,11 +56,12 @@ class Short:
             digest: with at most CAUSES causes.
             head: more about the file, such as damage.
             totals: the lines of the sums.
-            rows: the lines of the transactions that somebody asked for, the first ones of many.
+            asked: the lines of each transaction that somebody asked for; the first ones are shown.
         """
+        rows = list(self._first(asked))
         most = min(len(digest.causes), _FEWER) if rows else len(digest.causes)
         for number in range(most, -1, -1):
-            lines = list(self._screen(digest, number, head, totals, rows[:_LISTED]))
+            lines = list(self._screen(digest, number, head, totals, rows))
             if len(lines) <= LINES:
                 return lines
         return [*lines[: LINES - 1], lines[-1]]
@@ -88,6 +93,18 @@ class Short:
         yield from (line for each in totals for line in fitted(each, self._whole))
         yield self._dim(self._more(digest))
         yield from self.verdict(digest)
+
+    def _first(self, asked: Sequence[Sequence[str]]) -> Iterator[str]:
+        """The lines of the first transactions, none of which is cut off, and how many more there are."""
+        shown = room = 0
+        for lines in asked:
+            room += len(lines)
+            if shown and room > _LISTED:
+                break
+            shown += 1
+            yield from lines[:_LISTED]
+        if shown < len(asked):
+            yield self._dim("  " + self._say("more", number=str(len(asked) - shown)))
 
     def summary(self, digest: Digest) -> list[str]:
         """At most 12 lines: verdict, three causes, who, when."""

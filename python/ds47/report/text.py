@@ -143,8 +143,8 @@ class Writer(_Writer):
             head = [f"  {each}" for each in self._about_file(result)]
             self._clock = Clock.of(result, self.options.zone)
             listed = self._listed(result) if result.narrowed is not None else ()
-            rows = [line for _, lines in listed for line in lines]
-            lines = form.screen(digest, head, self._totals(total([row]), latency), rows)
+            asked = [lines for _, lines in listed]
+            lines = form.screen(digest, head, self._totals(total([row]), latency), asked)
         for line in lines:
             self._copied(line)
 
