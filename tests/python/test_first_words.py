@@ -57,6 +57,11 @@ def test_every_command_is_in_a_group() -> None:
         (["report", "-s", "faild", "x"], "'faild' is unknown. Did you mean 'failed'?"),
         (["report", "-f", "jsn", "x"], "'jsn' is unknown. Did you mean 'json'?"),
         (["report"], "Missing argument 'PATH...'. Try: ds47 report -h"),
+        (
+            ["report", "-r", "drive-eror", "a.pcap"],
+            "no rule begins with 'drive-eror' or is named so. Did you mean: drive-error?",
+        ),
+        (["report", "--select", "xyz", "a.pcap"], "See: ds47 rules"),
         (["reprot"], "No such command 'reprot'. Did you mean: ds47 report, ds47 export?"),
         (["explain", "p1120", "xyzzy"], "unknown code 'xyzzy'. Accepted: "),
     ],

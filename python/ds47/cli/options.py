@@ -367,7 +367,11 @@ def _known_rule(name: str) -> str:
 
     found = spec.rule_prefix(name)
     if found is None:
-        raise click.UsageError(f"no rule begins with {name!r} or is named so; see: ds47 rules")
+        from difflib import get_close_matches
+
+        near = get_close_matches(name.lower(), [each.name for each in spec.rules().values()], 1)
+        advice = f"Did you mean: {near[0]}?" if near else "See: ds47 rules"
+        raise click.UsageError(f"no rule begins with {name!r} or is named so. {advice}")
     return found
 
 
