@@ -234,7 +234,8 @@ def test_an_option_without_effect_is_refused(
         ("One. Two. Three.", 9, "One. Two."),
         ("One two three four five.", 12, "One two ..."),
         ("p0971 = 1.5 s. Then more of it.", 14, "p0971 = 1.5 s."),
-        ("一个。两个。三个。", 6, "一个。两个。"),
+        ("一个。两个。三个。", 12, "一个。两个。"),
+        ("一个。两个。三个。", 11, "一个。"),
     ],
 )
 def test_whole_sentences_as_far_as_they_have_room(words: str, room: int, kept: str) -> None:

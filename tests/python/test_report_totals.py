@@ -469,7 +469,7 @@ def test_rules_in_as_many_captures_stand_by_their_ids() -> None:
         for line in lines([CaptureRow("x", rules={"DS417": 9, "DS410": 1})], ReportOptions())
     ]
     assert told[:3] == ["Findings", "  DS410", "  DS417"]
-    assert lines([CaptureRow("x")], ReportOptions())[0].startswith("All 1 capture")
+    assert lines([CaptureRow("x")], ReportOptions())[0].startswith("1 capture")
 
 
 def test_a_series_of_two_files_says_so() -> None:
@@ -493,7 +493,7 @@ def test_the_overview_is_written_line_by_line() -> None:
     stream = io.StringIO()
     write(Report([capture(job(1))]), stream)
     assert stream.getvalue().startswith(
-        "All 1 capture: 1 without problems\n  9 frames, 1 transaction: 1 ok"
+        "1 capture: 1 without problems\n  9 frames, 1 transaction: 1 ok"
     )
     assert stream.getvalue().endswith("\n")
 

@@ -6,7 +6,6 @@ No line is wider than the terminal: a sentence is broken or cut. `ds47.report.te
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import islice
 from pathlib import PurePath
 from typing import Final
 
@@ -169,15 +168,11 @@ class Short:
         return " ".join(filter(None, [line.text(self._lang), _text(cause.times, self._lang)]))
 
     def _cause(self, cause: ShortCause) -> Iterator[str]:
-        lines = wrap(self._sentence(cause), self._width - 4)
-        if len(lines) > _SENTENCE:
-            rest = " ".join(line.rstrip() for line in lines[_SENTENCE - 1 :])
-            lines[_SENTENCE - 1 :] = [cut(rest, self._width - 4)]
-        for number, line in enumerate(lines):
-            yield ("    " if number else "  ") + self._paint(cause.severity, line)
         room = self._width - 4
+        for number, line in enumerate(_first_lines(self._sentence(cause), room, _SENTENCE)):
+            yield ("    " if number else "  ") + self._paint(cause.severity, line)
         advice = first_sentences(cause.advice.text(self._lang), _ADVICE * (room - 8))
-        for line in islice(wrap("-> " + advice, room, 3), _ADVICE):
+        for line in _first_lines("-> " + advice, room, _ADVICE, 3):
             yield "    " + line
         if cause.where is not None:
             yield self._dim("    " + self._say("look_at_first", frame=cause.where))
@@ -197,6 +192,15 @@ class Short:
         known = (page, everything) if digest.narrowed is None else ()
         fit: Iterator[str] = (each.text(self._lang) for each in (*known, say("short_same")))
         return next(line for line in fit if columns(line) <= self._whole)
+
+
+def _first_lines(text: str, room: int, most: int, hanging: int = 0) -> list[str]:
+    """The text in lines; what needs more of them is left out at the end of the last one."""
+    lines = wrap(text, room, hanging)
+    if len(lines) > most:
+        rest = " ".join(line.strip() for line in lines[most - 1 :])
+        lines[most - 1 :] = [" " * hanging + cut(rest, room - hanging)]
+    return lines
 
 
 def _text(text: Both | None, lang: str) -> str:
