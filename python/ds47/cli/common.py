@@ -218,8 +218,9 @@ def output(name: str) -> Iterator[TextIO]:
     except BaseException as problem:
         if not special:
             draft.unlink(missing_ok=True)
-        nameless = isinstance(problem, OSError) and problem.filename is None
-        if nameless and not isinstance(problem, BrokenPipeError):
+        if isinstance(problem, BrokenPipeError) or not isinstance(problem, OSError):
+            raise
+        if problem.filename is None:
             raise cannot_write(name, problem) from problem
         raise
 
