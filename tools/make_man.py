@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "man"
 STATUS = (
     ("0", "nothing at or above --fail-on, nothing else in the way"),
-    ("1", "something was found"),
+    ("1", "something was found, or nothing of what was asked for"),
     ("2", "wrong use, or an output that cannot be written"),
     ("3", "input unreadable, or not readable to its end"),
     ("70", "a fault of ds47 itself"),

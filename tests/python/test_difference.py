@@ -95,7 +95,7 @@ def test_a_read_is_never_compared_with_a_change():
     one = capture(asked(20, 7), refused)
     other = capture(refused, asked(20, 7))
     assert told(one, other) == [
-        "The 1 parameter element that both captures show is the same in both."
+        "The one parameter element that both captures show is the same in both."
     ]
     assert told(capture(asked(20, 7)), capture(refused)) == [
         "No parameter element is in both captures: there is nothing to compare.",
@@ -108,7 +108,7 @@ def test_a_read_is_never_compared_with_a_change():
 def test_one_negative_response_is_not_what_a_parameter_became():
     one = capture(*[asked(2, 10)] * 27, asked(2, code=0x01, element_count=1))
     assert told(one, capture(*[asked(2, 10)] * 3)) == [
-        "The 1 parameter element that both captures show is the same in both.",
+        "The one parameter element that both captures show is the same in both.",
         "the same last value in both; the failures are within chance:",
         "  10.0.0.2 slot 1.1 axis 2 r0002[0] read  A: 27 x = 10, 1 x negative response 0x01 text 1; B: 3 x = 10",
     ]
@@ -151,7 +151,7 @@ def test_strings_are_compared_as_far_as_both_were_read():
         capture(text(199, "NEAR", "VisibleString")),
         capture(text(199, "R", "VisibleString", subindex=3)),
     ) == [
-        "The 1 parameter element that both captures show is the same in both.",
+        "The one parameter element that both captures show is the same in both.",
         "requested in one capture only: 3 elements in A",
         '  10.0.0.2 slot 1.1 axis 2 p0199[0..2] read  A: 1 x = "NEA"; B: none',
     ]
@@ -234,7 +234,7 @@ def test_a_change_that_is_accepted_in_part(response, findings, seen):
     item["bytes"]["response"] = response
     found = told(capture(asked(5, 7, operation="change")), capture(item))
     if "accepted" in seen:
-        assert found == ["The 1 parameter element that both captures show is the same in both."]
+        assert found == ["The one parameter element that both captures show is the same in both."]
     else:
         assert found[-1].endswith(f"A: 1 x accepted := 7; B: {seen}")
     item["state"] = "error"  # a negative response that names no parameter
@@ -327,6 +327,59 @@ def test_a_name_that_one_capture_lacks_is_that_of_the_other():
     assert difference(one, other, ("a", "b")).changed == []
 
 
+def elsewhere(made: dict[str, Any], ip: str, **device: Any) -> dict[str, Any]:
+    """The same capture with its drive at another address, as another device."""
+    other = deepcopy(made)
+    other["devices"] = [{**made["devices"][0], "ip": ip, **device}]
+    for item in other["transactions"]:
+        item["device"] = ip
+    return other
+
+
+@pytest.mark.parametrize(
+    ("ip", "device", "compared"),
+    [
+        ("10.0.0.9", {"station": "press-2", "device_id": 7}, 1),
+        ("10.0.0.9", {"station": "press-2", "device_id": None}, 1),
+        ("10.0.0.9", {"station": "press-2", "device_id": 8}, 0),
+        ("10.0.0.9", {"station": "press-1", "device_id": 8}, 1),  # its successor in the same place
+        ("dp3", {"station": None, "device_id": None}, 0),
+    ],
+)
+def test_drives_of_different_types_are_not_compared(ip, device, compared):
+    one = capture(asked(2, 1), station="press-1")
+    one["devices"][0]["device_id"] = 7
+    found = difference(one, elsewhere(one, ip, **device), ("a", "b"))
+    assert found.compared == compared
+    assert (found.strangers is None) == bool(compared)
+
+
+def test_without_a_common_drive_the_first_line_says_so_and_nothing_is_compared():
+    one = capture(asked(2, 1), station="press")
+    one["devices"][0]["device_id"] = 7
+    other = elsewhere(one, "10.0.0.9", station="pump", device_id=8)
+    other["transactions"][0]["state"] = "error"
+    found = difference(one, other, ("a", "b"))
+    assert list(lines(found)) == [
+        "A a", "B b", "",
+        "No drive is in both captures (A: press; B: pump), so nothing is compared.", "",
+        "requested in one capture only: 1 element in A, 1 element in B", "(--all lists them)",
+    ]  # fmt: skip
+    assert list(lines(found, "zh"))[3].startswith("没有驱动器")
+    stream = io.StringIO()
+    write(found, "html", stream)
+    assert "duration, write request to response" not in stream.getvalue()
+    stream = io.StringIO()
+    write(found, "json", stream)
+    document = json.loads(stream.getvalue())
+    assert [document[key] for key in ("states", "findings", "latency", "compared")] == [
+        [],
+        [],
+        [],
+        0,
+    ]
+
+
 def test_what_only_one_capture_has_is_one_line_without_all():
     one = capture(asked(2, 1), *(asked(number, 1) for number in range(100, 150)))
     text = list(lines(difference(one, capture(asked(2, 1)), ("a", "b"))))
@@ -334,7 +387,7 @@ def test_what_only_one_capture_has_is_one_line_without_all():
     assert "requested in one capture only: 50 elements in A" in text
     assert "(--all lists them)" in text
     order = [next(n for n, line in enumerate(text) if line.startswith(each)) for each in (
-        "The 1 parameter", "states", "findings", "requested", "duration",
+        "The one parameter", "states", "findings", "requested", "duration",
     )]  # fmt: skip
     assert order == sorted(order)
 

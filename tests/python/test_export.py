@@ -175,7 +175,7 @@ def test_transactions_count_of_which_a_frame_was_written(tmp_path: Path) -> None
 def test_what_there_is_not(tmp_path: Path) -> None:
     with pytest.raises(SelectionError, match="no transaction 9; it has 1 to 8"):
         export(TOUR, tmp_path / "t.pcapng", Selection(transactions=((9, 9),)))
-    with pytest.raises(SelectionError, match=r"no device 'x'; there are 192\.168\.133\.33"):
+    with pytest.raises(SelectionError, match=r"no device 'x'; there is 192\.168\.133\.33"):
         export(TOUR, tmp_path / "t.pcapng", Selection(devices=("x",)))
     assert not list(tmp_path.iterdir())
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shlex
+import subprocess
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -55,6 +57,11 @@ def test_every_command_is_in_a_group() -> None:
         (["report", "-s", "faild", "x"], "'faild' is unknown. Did you mean 'failed'?"),
         (["report", "-f", "jsn", "x"], "'jsn' is unknown. Did you mean 'json'?"),
         (["report"], "Missing argument 'PATH...'. Try: ds47 report -h"),
+        (
+            ["report", "-r", "drive-eror", "a.pcap"],
+            "no rule begins with 'drive-eror' or is named so. Did you mean: drive-error?",
+        ),
+        (["report", "--select", "xyz", "a.pcap"], "See: ds47 rules"),
         (["reprot"], "No such command 'reprot'. Did you mean: ds47 report, ds47 export?"),
         (["explain", "p1120", "xyzzy"], "unknown code 'xyzzy'. Accepted: "),
     ],
@@ -86,16 +93,23 @@ def test_an_example_is_what_its_command_takes(name: str, line: str) -> None:
     assert command.make_context(name, arguments).params
 
 
-def test_a_long_help_is_in_groups_with_an_example_first(capsys: Captured) -> None:
+def test_a_long_help_is_in_groups_with_an_example_first(
+    capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
     _, out, _ = run(capsys, "report", "-h")
     titles = [line.rstrip(":") for line in out.splitlines() if line and not line.startswith(" ")][
         1:
     ]
     assert titles[0] == "Examples"
-    assert titles[-3:] == ["PKW, cyclic frames, PROFIBUS", "S7", "Others"]
+    assert titles[-3:] == ["Many captures", "How to read the frames", "Cyclic frames, PROFIBUS, S7"]
     for option in ("--summary", "--all", "--s7-port", "--select", "--help"):
         assert out.count(f"{option} ") >= 1
+    assert len(out.splitlines()) <= 90
     assert "S7:" not in run(capsys, "explain", "-h")[1]
+    own = run(capsys, "export", "--help")[1].partition("Options:\n")[2].partition("\n\n")[0]
+    assert "--anonymise " in own
+    assert "--state" not in own
 
 
 def test_a_full_disk_has_a_name(capsys: Captured, captures: Path) -> None:
@@ -104,8 +118,15 @@ def test_a_full_disk_has_a_name(capsys: Captured, captures: Path) -> None:
         pytest.skip("needs /dev/full")
     status, _, err = run(capsys, "report", "-o", full, captures / "tour-machine.pcapng")
     assert status == 2
-    assert err == "ds47: error: /dev/full: No space left on device\n"
-    assert run(capsys, "trail", "-o", full, captures / "tour-machine.pcapng")[2] == err
+    assert err == (
+        "ds47: error: cannot write /dev/full: No space left on device. Try: a file on another disk\n"
+    )
+    capture = captures / "tour-machine.pcapng"
+    assert run(capsys, "trail", "-o", full, capture)[2] == err
+    with full.open("w") as stream:  # the shell opened it: ds47 was told no name
+        words = [sys.executable, "-m", "ds47", "report", capture]
+        done = subprocess.run(words, stdout=stream, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (2, err)
 
 
 @pytest.mark.parametrize(
@@ -118,6 +139,17 @@ def test_states_in_one_word(
     assert status == 0
     (capture,) = json.loads(out)["captures"]
     assert [each["id"] for each in capture["transactions"]] == numbers
+
+
+@pytest.mark.parametrize("name", ["params", "plugin", "lab"])
+def test_the_bare_name_of_a_family_of_commands_shows_its_help(
+    capsys: Captured, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    status, out, err = run(capsys, name)
+    assert (status, err) == (0, "")
+    assert out.startswith(f"Usage: ds47 {name}")
+    assert "..." not in out.partition("Commands:")[2]
 
 
 def test_several_codes(capsys: Captured) -> None:
@@ -267,8 +299,9 @@ def test_a_verdict_of_a_part_says_so(capsys: Captured, captures: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "there"),
     [
-        (["--do", "9"], "there are DO 2"),
+        (["--do", "9"], "there is DO 2"),
         (["-t", "99"], "the last transaction is #8"),
+        (["--from", "9999"], "the capture lasts 13.5 s"),
         (["-r", "DS711"], "there are DS203, DS402, DS410, DS417, DS701, DS705, DS719, DS721"),
     ],
 )

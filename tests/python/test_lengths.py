@@ -114,6 +114,13 @@ def test_what_somebody_asked_for_stands_on_the_screen(
         "#5  08:00:00.7", "#6  08:00:01.1", "#7  08:00:01.3",
     ]  # fmt: skip
     assert any("the same command with --all" in line for line in lines)
+    assert main(["report", "-s", "failed", str(LONG)]) == 0
+    lines = re.sub(r"\x1b\[\d+m", "", capsys.readouterr().out).splitlines()
+    assert len(lines) <= 40
+    listed = sum(bool(re.match(r"#\d", line)) for line in lines)
+    (asked,) = re.findall(r"--state failed: (\d+) of", "".join(lines))
+    assert listed
+    assert f"  and {int(asked) - listed} more" in lines
 
 
 def test_what_has_room_is_there_as_a_whole() -> None:
@@ -227,7 +234,8 @@ def test_an_option_without_effect_is_refused(
         ("One. Two. Three.", 9, "One. Two."),
         ("One two three four five.", 12, "One two ..."),
         ("p0971 = 1.5 s. Then more of it.", 14, "p0971 = 1.5 s."),
-        ("一个。两个。三个。", 6, "一个。两个。"),
+        ("一个。两个。三个。", 12, "一个。两个。"),
+        ("一个。两个。三个。", 11, "一个。"),
     ],
 )
 def test_whole_sentences_as_far_as_they_have_room(words: str, room: int, kept: str) -> None:

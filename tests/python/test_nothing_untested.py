@@ -115,8 +115,8 @@ def lacking(command: str, manual: str, word: str | None = None) -> list[str]:
     """What a command does not have, or a format that its `-f` names."""
     shown = "" if word is None else f" ... -f {word}"
     option = "" if word is None else rf"(?=.* -f {re.escape(word)}(?: |$))"
-    listed = re.findall(r"^\\fB\\-f, .*? \[(.*)\]\\fP$", manual, re.MULTILINE)
-    offered = [name.replace("\\-", "-") for each in listed for name in each.split("|")]
+    listed = manual.partition("\\fB\\-f, ")[2].partition("\n.")[0]
+    offered = re.findall(r"[\w-]+", listed.replace("\\-", "-"))
     wanted = [command.split(), *([] if word is None else [["-f", word]])]
     found = {
         f"a block of code in a page of docs/ with `ds47 {command}{shown}`": any(

@@ -469,7 +469,7 @@ def test_rules_in_as_many_captures_stand_by_their_ids() -> None:
         for line in lines([CaptureRow("x", rules={"DS417": 9, "DS410": 1})], ReportOptions())
     ]
     assert told[:3] == ["Findings", "  DS410", "  DS417"]
-    assert lines([CaptureRow("x")], ReportOptions())[0].startswith("All 1 capture")
+    assert lines([CaptureRow("x")], ReportOptions())[0].startswith("1 capture")
 
 
 def test_a_series_of_two_files_says_so() -> None:
@@ -493,22 +493,22 @@ def test_the_overview_is_written_line_by_line() -> None:
     stream = io.StringIO()
     write(Report([capture(job(1))]), stream)
     assert stream.getvalue().startswith(
-        "All 1 capture: 1 without problems\n  9 frames, 1 transaction: 1 ok"
+        "1 capture: 1 without problems\n  9 frames, 1 transaction: 1 ok"
     )
     assert stream.getvalue().endswith("\n")
 
 
 PRINTED = """\
 Captures, the worst first
-  errors  warnings  notes  not ok  of  capture
-       -         -      -       -   -  gone  not readable: why
-       1         1      0       0   0  errors
-       1         0      0       0   0  error
-       0         2      3       0   0  warnings
-       0         1      0       0   0  warning
-       0         0      0       0   0  cut (4 files)  2 files of the series missing  only partly read: the file ends early  3 frames dropped
-       0         0      0       2   2  states
-       0         0      0       1   6  state
+  errors  warnings  notes  not ok  transactions  capture
+       -         -      -       -             -  gone  not readable: why
+       1         1      0       0             0  errors
+       1         0      0       0             0  error
+       0         2      3       0             0  warnings
+       0         1      0       0             0  warning
+       0         0      0       0             0  cut (4 files)  2 files of the series missing  only partly read: the file ends early  3 frames dropped
+       0         0      0       2             2  states
+       0         0      0       1             6  state
 
 Findings
   DS402: 4 findings in 3 captures

@@ -20,6 +20,7 @@ from ds47 import spec
 from ds47.regression.compare import Change
 from ds47.regression.run import fails
 from ds47.regression.versions import Origin
+from ds47.spec.shell import shell_word
 from ds47.version import __version__
 
 NAME = "conversation-superseded-read"
@@ -145,7 +146,7 @@ def test_what_comes_of_the_version_is_told_and_is_green(
         "         stored by ds47 1.0.0; 3 changes come from the newer ds47 alone, from what changed in it: "
         "DS401, DS413, DS705 (2.0.0)\n"
         "1 capture: 1 as stored, 0 not; to accept what the version alone changes: "
-        "ds47 accept --by-version PATH...\n"
+        f"ds47 accept --by-version {shell_word(str(of_1_0.folder))}\n"
     ))  # fmt: skip
     suite = ET.parse(junit).getroot()[0]
     assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("1", "0", "0")
@@ -179,7 +180,10 @@ def test_of_two_differences_only_that_of_the_version_is_taken_over(
     assert out.startswith("CHANGED")
     assert "transaction 1: p" in out
     assert "stored by ds47 1.0.0; 1 change comes from the newer ds47 alone" in out
-    assert "ds47 accept PATH...; to accept what the version alone changes" in out
+    assert (
+        f"ds47 accept {shell_word(str(tour.folder))}; to accept what the version alone changes"
+        in out
+    )
     status, out, _ = run(capsys, "accept", "--by-version", "--yes", tour.folder)
     assert (status, out.splitlines()[-1]) == (0, "accepted 1 change in 1 capture")
     assert "DS402" in out
@@ -324,7 +328,7 @@ def test_in_chinese(of_1_0: Place, capsys: Any) -> None:
     of_1_0.edit(without("DS413"))
     _, out, _ = run(capsys, "check", of_1_0.folder, "--lang", "zh")
     assert "结果由 ds47 1.0.0 存储；1 项变化仅由新版本引起，其中有变更的是：DS413 (2.0.0)" in out
-    assert "ds47 accept --by-version PATH..." in out
+    assert f"ds47 accept --by-version {of_1_0.folder}" in out
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,7 @@ def test_it_is_narrowed_as_a_report_is(
 def test_where_no_change_matches_it_says_what_there_is(
     captures: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["trail", str(captures / "tour-machine.pcapng"), "--device", "nobody"]) == 0
+    assert main(["trail", str(captures / "tour-machine.pcapng"), "--device", "nobody"]) == 1
     assert capsys.readouterr().err == (
-        "ds47: no write matches --device nobody; there are 192.168.133.33 (press-1-drive)\n"
+        "ds47: no write matches --device nobody; there is 192.168.133.33 (press-1-drive)\n"
     )

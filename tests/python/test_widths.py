@@ -48,7 +48,9 @@ OF_CAPTURES = (
 OTHERS = (
     ("report", "--no-progress", "captures/field", "captures/lossy-stacks"),
     ("report", "-f", "overview", "--no-progress", "captures/field", "captures/lossy-stacks"),
-    ("diff", "--all", "captures/tour-machine.pcapng", "captures/real-stacks/o1_profinetpy062_be.pcapng"),
+    ("report", "-d", "dp3", "captures/profibus-wrong-project.pcapng"),  # narrowed to no transaction
+    ("diff", "--all", "captures/seed-dcm-read.pcapng", "captures/tour-machine.pcapng"),
+    ("diff", "captures/tour-machine.pcapng", "captures/real-stacks/o1_profinetpy062_be.pcapng"),
     ("diff", "captures/lossy-stacks/l1_replay.device.pcapng", "captures/lossy-stacks/l4_harsh.pcapng"),
     ("check", "--summary", "--all", "captures/field"),
     ("rules",), ("rules", "PKW"), ("rules", "DS"),

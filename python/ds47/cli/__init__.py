@@ -71,6 +71,8 @@ _READER_LEFT = 141
 _INTERNAL = 70
 """EX_SOFTWARE of sysexits.h. Python itself would end with 1, which says that something was found."""
 
+_WIDEST = 100
+"""Columns of a line of help."""
 _LONGEST = 300
 """Letters of an internal error that its line shows."""
 
@@ -116,7 +118,7 @@ class _Commands(click.Group):
             with formatter.section(title):
                 formatter.write_dl(list(commands.items()))
         with formatter.section("Examples"):
-            formatter.write_dl(EXAMPLES)
+            formatter.write_dl(EXAMPLES, 48)
         formatter.write_paragraph()
         formatter.write_text("No capture at hand? Start with: ds47 demo")
 
@@ -128,7 +130,10 @@ class _Commands(click.Group):
             return result
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": _WIDEST},
+)
 @click.version_option(__version__, message="%(prog)s %(version)s")
 def group() -> None:
     """What happened on the parameter channel of PROFIdrive drives, from captures of PROFINET, PROFIBUS and S7."""
@@ -164,7 +169,7 @@ def _refuse(problem: click.ClickException) -> None:
     text = _near(problem, " ".join(problem.format_message().split()))
     context = problem.ctx if isinstance(problem, click.UsageError) else None
     if context is not None and "ds47 " not in text:
-        text += "" if text.endswith(("?", ".")) else "."
+        text += "" if text.endswith(("?", ".", ")")) else "."
         text += f" Try: {context.command_path} -h"
     click.echo(f"ds47: error: {text}", err=True)
 
@@ -184,9 +189,18 @@ def _near(problem: click.ClickException, text: str) -> str:
 
 
 def _cannot(problem: OSError) -> str:
-    """What could not be written or read: without the name of a file it was the standard output."""
-    why = problem.strerror or str(problem)
-    return f"{problem.filename}: {why}" if problem.filename else f"standard output: {why}"
+    """What could not be read; without the name of a file it was the standard output that could not be written."""
+    if problem.filename:
+        return f"{problem.filename}: {problem.strerror}"
+    from pathlib import Path
+
+    from ds47.cli.common import cannot_write
+
+    try:
+        name = str(Path("/proc/self/fd/1").readlink())
+    except OSError:  # not Linux
+        name = ""
+    return cannot_write(name if name.startswith("/") else "standard output", problem).message
 
 
 def _meant(word: str) -> str:

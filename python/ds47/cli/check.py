@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 _SHOWN = 20
 """Changes of one capture that are printed; a firmware that changed everything fills no screen."""
+_REPEATED = 3
+"""Paths that the line about ds47 accept repeats; instead of more it has PATH..."""
 _MARGIN = 8
 """Columns of the word in front of a capture."""
 
@@ -55,14 +57,13 @@ _MARGIN = 8
 @click.option(
     "--fail-on",
     type=click.Choice(["never", *SEVERITIES]),
-    help="The severity from which on a new finding fails.  [default: what ds47.toml says, or error]",
+    metavar="SEVERITY",
+    help="Fail on a new finding at or above.  [default: that of ds47.toml, or error]",
 )
 @require_option
 @click.option("--junit", metavar="FILE", help="Write JUnit XML too, one test per capture.")
 @click.option("--sarif", metavar="FILE", help="Write SARIF 2.1.0 too.")
-@click.option(
-    "--summary", is_flag=True, help="Sum up by label, and say what the captures exercise."
-)
+@click.option("--summary", is_flag=True, help="Totals by label, and what the captures exercise.")
 @click.option(
     "--all", "show_all", is_flag=True, help=f"Print more than {_SHOWN} changes of a capture."
 )
@@ -102,10 +103,10 @@ def command(
     if format_name == "json":
         _print_json(outcomes, summary)
     elif format_name == "markdown":
-        _print_markdown(outcomes, series, None if show_all else _SHOWN, lang)
+        _print_markdown(outcomes, _typed(paths, series), None if show_all else _SHOWN, lang)
     else:
         shown = None if show_all else _SHOWN
-        _print_text(outcomes, summary, series, shown, lang)
+        _print_text(outcomes, summary, _typed(paths, series), shown, lang)
     if junit:
         _write_junit(outcomes, seconds, junit)
     if sarif:
@@ -164,7 +165,7 @@ def _gone(paths: Sequence[str], series: bool, fail_on: str | None) -> list[Check
 
 
 def _print_text(
-    outcomes: Sequence[CheckOutcome], summary: bool, series: bool, most: int | None, lang: str
+    outcomes: Sequence[CheckOutcome], summary: bool, typed: str, most: int | None, lang: str
 ) -> None:
     from ds47.report.bilingual import say
     from ds47.report.formatting import escape
@@ -187,18 +188,18 @@ def _print_text(
             line("", text)
     if summary:
         tell(_summary(outcomes).lines(lang, width))
-    tell([_last_line(outcomes, series).text(lang)])
+    tell([_last_line(outcomes, typed).text(lang)])
 
 
 def _print_markdown(
-    outcomes: Sequence[CheckOutcome], series: bool, most: int | None, lang: str
+    outcomes: Sequence[CheckOutcome], typed: str, most: int | None, lang: str
 ) -> None:
     """For the summary page of a job: what is not as stored, capture by capture."""
     from ds47.report.bilingual import say
     from ds47.report.markdown import MARKS, code, plain, row
 
     failed = any(outcome.failed for outcome in outcomes)
-    last = plain(_last_line(outcomes, series).text(lang))
+    last = plain(_last_line(outcomes, typed).text(lang))
     lines = [f"## {MARKS['bad' if failed else 'good']} {last}"]
     told = [each for each in outcomes if each.error is not None or each.changes]
     if told:
@@ -229,17 +230,24 @@ def _changes(outcome: CheckOutcome, most: int | None, lang: str) -> Iterator[str
         yield from (f"  {escape(change.text)}" for change in outcome.changes if change.version)
 
 
-def _last_line(outcomes: Sequence[CheckOutcome], series: bool) -> Both:
+def _typed(paths: Sequence[str], series: bool) -> str:
+    """What is typed behind `ds47 accept` for the same captures."""
+    from ds47.spec.shell import shell_word
+
+    words = [shell_word(path) for path in paths] if len(paths) <= _REPEATED else ["PATH..."]
+    return " ".join((*(["--series"] if series else []), *words))
+
+
+def _last_line(outcomes: Sequence[CheckOutcome], typed: str) -> Both:
     from ds47.report.bilingual import say
 
     total, failed = len(outcomes), sum(outcome.failed for outcome in outcomes)
     text = say("check_sum", n=total, number=str(total), same=str(total - failed), other=str(failed))
-    option = "--series " if series else ""
     changes = [change for outcome in outcomes for change in outcome.changes]
     if any(not change.version for change in changes):
-        text = text.joined(say("check_accept", option=option), "", "")
+        text = text.joined(say("check_accept", paths=typed), "", "")
     if any(change.version for change in changes):
-        text = text.joined(say("check_accept_version", option=option), "", "")
+        text = text.joined(say("check_accept_version", paths=typed), "", "")
     return text
 
 

@@ -5,6 +5,7 @@ Nothing that only one command needs, and nothing about captures or messages.
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -34,7 +35,7 @@ width_option = click.option(
     "--width",
     type=click.IntRange(min=LEAST_WIDTH),
     metavar="COLUMNS",
-    help="Columns of a line of text; filters and bytes may be longer.  [default: the terminal's, or 140]",
+    help="Width of the text.  [default: the terminal's, or 140]",
 )
 
 
@@ -87,8 +88,8 @@ pkw_layout_option = click.option(
 def dialect_options(function: Function) -> Function:
     """The options for the dialect of formats that the drive speaks (docs/protocol.md A.6)."""
     for name, text in (
-        ("--profile-v3-types", "Formats by their numbers in PROFIdrive profile V3."),
-        ("--legacy-g120-formats", "Formats as old SINAMICS G120 firmware numbers them."),
+        ("--profile-v3-types", "Formats as numbered by PROFIdrive profile V3."),
+        ("--legacy-g120-formats", "Formats as numbered by old SINAMICS G120 firmware."),
     ):
         function = click.option(name, is_flag=True, help=text)(function)
     return function
@@ -183,6 +184,13 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
+def cannot_write(name: str, problem: OSError) -> click.ClickException:
+    """The error of an output: which, why, and what helps."""
+    full = problem.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", None))
+    advice = ". Try: a file on another disk" if full else ""
+    return click.ClickException(f"cannot write {name}: {problem.strerror or problem}{advice}")
+
+
 @contextmanager
 def output(name: str) -> Iterator[TextIO]:
     """The stream for `-o`: `-` is stdout, a file appears whole or not at all.
@@ -201,17 +209,19 @@ def output(name: str) -> Iterator[TextIO]:
     try:
         stream = draft.open("w", encoding="utf-8", errors="backslashreplace", newline="\n")
     except OSError as problem:
-        raise click.ClickException(f"cannot write {name}: {problem.strerror}") from problem
+        raise cannot_write(name, problem) from problem
     try:
         with stream:
             yield stream
         if not special:
             _take_its_place(draft, target, name)
     except BaseException as problem:
-        if isinstance(problem, OSError) and problem.filename is None:
-            problem.filename = name  # who writes knows no name: the disk is full
         if not special:
             draft.unlink(missing_ok=True)
+        if isinstance(problem, BrokenPipeError) or not isinstance(problem, OSError):
+            raise
+        if problem.filename is None:
+            raise cannot_write(name, problem) from problem
         raise
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import click
 
-from ds47.cli.common import lang_option, stdout
+from ds47.cli.common import cannot_write, lang_option, stdout
 from ds47.report.bilingual import say
 
 NAME = "tour-machine.pcapng"
@@ -40,7 +40,7 @@ def command(folder: Path | None, no_browser: bool, lang: str) -> int:
         folder.mkdir(parents=True, exist_ok=True)
         capture.write_bytes(_content())
     except OSError as problem:
-        raise click.ClickException(f"cannot write {capture}: {problem.strerror}") from problem
+        raise cannot_write(str(capture), problem) from problem
     sys.stdout.flush()
     status = main(["report", "--lang", lang, str(capture)])
     status = status or main(["report", "-f", "html", "--lang", lang, "-o", str(page), str(capture)])

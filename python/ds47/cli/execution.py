@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from ds47.capture.names import STDIN
-from ds47.cli.common import counted, warn
+from ds47.cli.common import cannot_write, counted, warn
 from ds47.cli.run import Run
 from ds47.model import CaptureResult
 from ds47.report import Writer
@@ -78,9 +78,7 @@ class Execution(NamedTuple):
         except SameNameError as problem:
             raise click.ClickException(f"{problem}; report them one at a time") from problem
         except OSError as problem:
-            raise click.ClickException(
-                f"cannot write {self.folder}: {problem.strerror}"
-            ) from problem
+            raise cannot_write(self.folder, problem) from problem
         return results, _todo(results, tasks) if self.resume else tasks
 
     def run(

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import ENDINGS, EXPORTED, STDIN, about
-from ds47.cli.common import Misses, stdout, warn
+from ds47.cli.common import Misses, cannot_write, stdout, warn
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
@@ -53,19 +53,19 @@ _FILTER_SHOWN = 100
 @selection_options
 @tz_option
 @click.option(
-    "--all-frames", is_flag=True, help="Frames of other protocols too, for a time span or a device."
+    "--all-frames", is_flag=True, help="Other protocols too, for a time span or a device."
 )
 @click.option(
     "-o",
     "--output",
     "output_name",
     metavar="FILE",
-    help="File, folder, or - for stdout; else NAME.ds47.pcapng in this folder.",
+    help="File, folder, or -.  [default: NAME.ds47.pcapng in this folder]",
 )
 @click.option(
     "--link",
     type=click.Choice(tuple(_LINKS)),
-    help="Link type of frames of PROFIBUS: profibus (257) or user0 (147), which every Wireshark opens.",
+    help="Link type of PROFIBUS frames; every Wireshark opens user0 (147).",
 )
 @click.option("--force", is_flag=True, help="Let -o overwrite an existing capture.")
 @click.option(
@@ -81,12 +81,12 @@ _FILTER_SHOWN = 100
     "--key", "key_name", metavar="FILE", help="The key file; an existing one is used and extended."
 )
 @click.option(
-    "--filters", is_flag=True, help="Print the display filter for the original, however long it is."
+    "--filters", is_flag=True, help="Print the display filter for the original, even a long one."
 )
 @click.option(
     "--examples",
     is_flag=True,
-    help="Write one example of each root cause (with --rule: of these), each a capture in the folder of -o.",
+    help="One example of each root cause, each a capture in the folder of -o.",
 )
 @series_option
 @analysis_options
@@ -183,7 +183,7 @@ def _examples(
         except CaptureError as problem:
             misses(about(task.path, str(problem)))
         except OSError as problem:
-            raise click.ClickException(f"cannot write: {problem}") from problem
+            raise cannot_write(str(problem.filename or stem), problem) from problem
     if misses:
         return _UNREADABLE
     return 0 if written else _NOTHING
@@ -313,7 +313,7 @@ class _Run:
         except OSError as problem:
             if target == STDIN:
                 raise
-            raise click.ClickException(f"cannot write {target}: {problem.strerror}") from problem
+            raise cannot_write(target, problem) from problem
         self._tell(task.path, target, done)
 
     def _tell(self, path: str, target: str, done: ExportOutcome) -> None:

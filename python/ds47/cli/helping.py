@@ -1,4 +1,4 @@
-"""The help of a command: an example first, then its options in groups; those of PKW, PROFIBUS and S7 come last.
+"""The help of a command: an example, its own options, then those of others in groups; PROFIBUS and S7 come last.
 
 What an option does is said where it is made. Here stands only which of them belong together.
 """
@@ -25,12 +25,23 @@ GROUPS: Final = {
     "How to read the frames": (
         "indices", "profile_v3_types", "legacy_g120_formats", "engine", "tshark", "channels",
     ),
-    "PKW, cyclic frames, PROFIBUS": ("cyclic", "ppos", "pkw_layouts", "pkw_layout", "link"),
-    "S7": ("s7_ports", "s7_cpus", "s7_blocks", "s7_readback"),
+    "Cyclic frames, PROFIBUS, S7": (
+        "cyclic", "ppos", "pkw_layouts", "pkw_layout", "link", "s7_ports", "s7_cpus", "s7_blocks", "s7_readback",
+    ),
 }  # fmt: skip
 """Which options, by the names of their values, belong together."""
 _FEW: Final = 14
 """So many options need no groups."""
+_LINE: Final = 48
+"""Columns of an example that has its explanation beside it."""
+
+
+class Gathered(click.Group):
+    """A command of commands: its bare name shows its help, as `ds47` does."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click, but for no words at all."""
+        return super().parse_args(ctx, args or ["--help"])
 
 
 class Helped(click.Command):
@@ -44,19 +55,23 @@ class Helped(click.Command):
         """The examples, then the text."""
         if self.examples:
             with formatter.section("Examples"):
-                formatter.write_dl(self.examples)
+                formatter.write_dl(self.examples, _LINE)
         super().format_help_text(ctx, formatter)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The options in groups, where there are many; others, and the help itself, at the end."""
-        known = [(each.name or "", each.get_help_record(ctx)) for each in self.get_params(ctx)]
+        """The options in groups, where there are many; those that no other command has come first."""
+        known = [
+            (each.name or "", each.get_help_record(ctx))
+            for each in self.get_params(ctx)
+            if isinstance(each, click.Option)
+        ]
         shown = [(name, record) for name, record in known if record is not None]
         if len(shown) <= _FEW:
             super().format_options(ctx, formatter)
             return
         grouped = {name for names in GROUPS.values() for name in names}
         others = tuple(name for name, _ in shown if name not in grouped)
-        for title, names in (*GROUPS.items(), ("Others", others)):
+        for title, names in (("Options", others), *GROUPS.items()):
             records = [record for name, record in shown if name in names]
             if records:
                 with formatter.section(title):

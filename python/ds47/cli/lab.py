@@ -12,11 +12,12 @@ from types import ModuleType
 import click
 
 from ds47.cli.common import columns_of, stdout, tell
+from ds47.cli.helping import Gathered
 from ds47.report.table import table
 from ds47.spec.extras import install
 
 
-@click.group("lab")
+@click.group("lab", cls=Gathered)
 def command() -> None:
     """Write example captures: scenarios of a simulated controller and drive."""
 
@@ -34,7 +35,7 @@ def list_scenarios() -> None:
 @click.argument("names", metavar="[SCENARIO]...", nargs=-1)
 @click.option("--log", is_flag=True, help="Write logs as text instead; of PROFIBUS only.")
 def write(folder: Path, names: Sequence[str], log: bool) -> None:
-    """Write scenarios (all of them, or those named) into DIR as pcapng files."""
+    """Write scenarios, all or those named, into DIR as pcapng files."""
     lab = _lab()
     known = lab.everything()
     of_bus = {name for name in known if name.startswith("profibus-")}

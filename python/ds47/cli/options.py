@@ -61,16 +61,17 @@ tz_option = click.option(
     default="local",
     show_default=True,
     callback=_zone,
-    help="Zone of times of day: Europe/Berlin, UTC, local (this machine's), +02:00. Data stays in UTC.",
+    help="Time zone: Europe/Berlin, UTC, +02:00 or local.",
 )
 
 
 fail_on_option = click.option(
     "--fail-on",
     type=click.Choice(["never", *SEVERITIES]),
+    metavar="SEVERITY",
     default="never",
     show_default=True,
-    help="Exit with 1 if a finding is at least this severe.",
+    help="Exit with 1 at or above: note, warning, error.",
 )
 
 
@@ -79,8 +80,7 @@ jobs_option = click.option(
     "--jobs",
     type=click.IntRange(min=0),
     metavar="N",
-    help="Captures analysed at once, each in a process; 0: as many as there are cores.  "
-    "[default: as many as are worthwhile]",
+    help="Captures analysed at once; 0: one per core.  [default: automatic]",
 )
 
 
@@ -109,7 +109,7 @@ require_option = click.option(
     "--require",
     "required",
     type=click.Choice(["transactions"]),
-    help="Exit with 1 if a capture has no transaction: a mirror port that is unplugged is no success.",
+    help="Exit with 1 if a capture has no transaction.",
 )
 
 
@@ -128,7 +128,7 @@ def heading_options(function: Function) -> Function:
         ("author", "Author (html)."),
         ("customer", "Customer (html)."),
         ("order", "Order number (html)."),
-        ("title", "What the report is about: a title block (html; also [report] in ds47.toml)."),
+        ("title", "What the report is about, for its title block (html)."),
     ):
         function = click.option(f"--{name}", default="", metavar="TEXT", help=about)(function)
     return function
@@ -144,40 +144,39 @@ def analysis_options(function: Function) -> Function:
             "pkw_layouts",
             multiple=True,
             metavar="[IP=]LAYOUT",
-            help="Where IND of PKW has the page: cyclic (low byte, usual) or uss (high byte).",
+            help="Byte of IND that has the page: cyclic (low) or uss (high).",
         ),
         click.option(
             "--cyclic",
             multiple=True,
             metavar="MAC@ID:AT:KIND",
-            help="Where a channel is when its Connect is missing: sender, frame id in hex, offset after it, and"
-            " pkw, pzd or ppo1. Give it twice: for the controller's frames, then for the drive's.",
+            help="Channel whose Connect is missing; once per direction (docs/cyclic.md).",
         ),
         click.option(
             "--ppo",
             "ppos",
             multiple=True,
             metavar="STATION=PPO",
-            help="PPO type of a PROFIBUS station when Chk_Cfg is not in the capture: 3=ppo1 (ppo1 to ppo5).",
+            help="PPO type of a station if Chk_Cfg is missing: 3=ppo1.",
         ),
         click.option(
             "--channels",
             metavar="NAMES",
             default=",".join(CHANNELS),
             show_default=True,
-            help="Channels to report, comma-separated: record calls, PKW, PZD, S7.",
+            help="Channels to report.",
         ),
         click.option(
             "--vendor",
             type=click.Choice(["sinamics"], case_sensitive=False),
-            help="Vendor to assume when the capture names none: names, units, error numbers.",
+            help="Vendor to assume when the capture names none.",
         ),
         click.option(
             "--params",
             "lists",
             multiple=True,
             metavar="FILE",
-            help="A list of parameters that names what the drive does not (docs/parameters.md).",
+            help="Parameter list for missing names (docs/parameters.md).",
         ),
         click.option(
             "--slow", type=float, metavar="MS", help="Limit for a slow transaction, in ms."
@@ -209,21 +208,21 @@ def s7_options(function: Function) -> Function:
         click.option(
             "--s7-readback",
             is_flag=True,
-            help="Say where what is read is not what was written (DS916): not for memory that a PLC changes.",
+            help="Report values that are not read as they were written (DS916).",
         ),
         click.option(
             "--s7-block",
             "s7_blocks",
             multiple=True,
             metavar="[IP=]BYTES",
-            help="How many bytes a CPU copies at once when others read and write its memory.",
+            help="The same in bytes: how many a CPU copies at once.",
         ),
         click.option(
             "--s7-cpu",
             "s7_cpus",
             multiple=True,
             metavar="[IP=]CPU",
-            help="The same as --s7-block, by the kind of CPU: s7-300, s7-400, s7-1500 and others (docs/s7.md).",
+            help="Kind of CPU: s7-300, s7-400, s7-1500 and others (docs/s7.md).",
         ),
         click.option(
             "--s7-port",
@@ -368,7 +367,11 @@ def _known_rule(name: str) -> str:
 
     found = spec.rule_prefix(name)
     if found is None:
-        raise click.UsageError(f"no rule begins with {name!r} or is named so; see: ds47 rules")
+        from difflib import get_close_matches
+
+        near = get_close_matches(name.lower(), [each.name for each in spec.rules().values()], 1)
+        advice = f"Did you mean: {near[0]}?" if near else "See: ds47 rules"
+        raise click.UsageError(f"no rule begins with {name!r} or is named so. {advice}")
     return found
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.cli.common import format_option, lang_option, stdout, tell, vendor_number, warn
+from ds47.cli.helping import Gathered
 from ds47.profidrive.naming import spelled
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
@@ -26,7 +27,7 @@ _SHOWN = 12
 """Rows that were passed over and are shown; of more the number."""
 
 
-class _Params(click.Group):
+class _Params(Gathered):
     """`params p1120` is `params show p1120`."""
 
     def resolve_command(
@@ -71,9 +72,10 @@ def take(
     firmware: str | None,
     lang: str,
 ) -> int:
-    """Import a list of parameters: CSV, XLSX, or the TOML of docs/parameters.md.
+    """Import a list of parameters: CSV, XLSX or TOML.
 
-    From then on reports name these parameters on such devices. A list of the same name is replaced.
+    docs/parameters.md has their forms. From then on reports name these parameters on such devices. A list
+    of the same name is replaced.
     """
     from ds47.parameters import lists, store
 
@@ -140,7 +142,10 @@ def _about(
 @lang_option
 @format_option("text", "json")
 def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
-    """Say what is known of a parameter or a message (2900, r0945, F07900), or which have a word in their name."""
+    """Say what is known of a parameter or message: 2900, r0945, F07900.
+
+    A word shows those that have it in their name.
+    """
     from ds47.report import known
 
     found = _looked_up(" ".join(words), lang)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ds47.cli.common import counted, stdout, warn
+from ds47.cli.helping import Gathered
 from ds47.version import __version__
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ _folder_option = click.option(
 )
 
 
-@click.group("plugin")
+@click.group("plugin", cls=Gathered)
 def command() -> None:
     """Install the Wireshark plugin, remove it, check it."""
 
@@ -49,7 +50,7 @@ def command() -> None:
 @click.option("--force", is_flag=True, help="Replace files that ds47 did not write or you changed.")
 @_tshark_option
 def install(folder: Path | None, no_profile: bool, force: bool, tshark: str | None) -> int:
-    """Copy the plugin into Wireshark's plugins folder, and the profile DS47 into its settings."""
+    """Copy the plugin and the profile DS47 into Wireshark's folders."""
     from ds47.wireshark import install as files
 
     sources = _sources()
@@ -105,7 +106,7 @@ def uninstall(folder: Path | None, force: bool, tshark: str | None) -> int:
 @command.command("path")
 @_tshark_option
 def path(tshark: str | None) -> int:
-    """Print the folders: Wireshark's, and where the plugin's own files are."""
+    """Print the folders of Wireshark and of the plugin's own files."""
     from ds47.wireshark import install as files
 
     shark = _find(tshark, needed=True)

@@ -52,7 +52,7 @@ UNREADABLE, NOTHING = 3, 1
     cls=Helped,
     examples=(
         ("ds47 report machine.pcapng", "what went wrong, and what to do"),
-        ("ds47 report -f html machine.pcapng -o machine.html", "the same as a page"),
+        ("ds47 report machine.pcapng -o machine.html", "the same as a page"),
         ("ds47 report -s failed --do 3 machine.pcapng", "what failed on drive object 3"),
         ("ds47 report --summary captures", "a folder in 12 lines"),
     ),
@@ -63,8 +63,8 @@ UNREADABLE, NOTHING = 3, 1
     "--format",
     "format_name",
     type=click.Choice(FORMATS),
-    help="Format of the report; ndjson, csv and parquet keep no transaction.  "
-    "[default: that of the FILE of -o, else text; overview with --results]",
+    metavar="FORMAT",
+    help=f"{', '.join(FORMATS)}.  [default: that of the FILE of -o, else text; overview with --results]",
 )
 @click.option(
     "-o",
@@ -72,7 +72,7 @@ UNREADABLE, NOTHING = 3, 1
     "output_name",
     metavar="FILE",
     default=STDIN,
-    help="Write to a file, which then appears whole or not at all; - is stdout.",
+    help="Write to a file; - is stdout.",
 )
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser (html).")
 @fail_on_option
@@ -80,47 +80,47 @@ UNREADABLE, NOTHING = 3, 1
 @click.option(
     "--plc",
     is_flag=True,
-    help="What the PLC saw of every job, not only of those that failed (text).",
+    help="What the PLC saw of every job, not only of failed ones (text).",
 )
 @click.option(
     "--reference",
     metavar="VALUE",
-    help="What 100 % of a setpoint is, p2000: 50Hz, 1500rpm, or 50Hz=1395rpm (text, html).",
+    help="What 100 % is, p2000: 50Hz or 50Hz=1395rpm (text, html).",
 )
 @click.option(
     "--summary",
     is_flag=True,
-    help="12 lines: verdict, three causes, who, when (text, html, json, markdown).",
+    help="12 lines: verdict, causes, who (text, html, json, markdown).",
 )
 @click.option(
     "--all",
     "show_all",
     is_flag=True,
-    help="Every transaction, event and finding, and every capture by itself (text).",
+    help="Every transaction, event, finding and capture (text).",
 )
 @click.option(
     "--filters",
     is_flag=True,
-    help="Print the display filter of all frames of each cause and rule, however long it is (text).",
+    help="Full display filter of each cause and rule (text).",
 )
 @selection_options
 @heading_options
 @tz_option
 @width_option
-@click.option("--digest", is_flag=True, help="Put the SHA-256 of each capture into the report.")
+@click.option("--digest", is_flag=True, help="Include the SHA-256 of each capture.")
 @analysis_options
 @click.option(
     "--engine",
     type=click.Choice(["native", "tshark", "both"]),
     default="native",
     show_default=True,
-    help="Which decoder: native, tshark with the Wireshark plugin, or both, to report where they differ (DS601).",
+    help="Decoder; both compares them (DS601).",
 )
 @click.option(
     "--tshark",
     metavar="PROGRAM",
     envvar="DS47_TSHARK",
-    help="The tshark for --engine tshark, if not the one that is found. [env: DS47_TSHARK]",
+    help="The tshark for --engine.  [env: DS47_TSHARK]",
 )
 @jobs_option
 @series_option
@@ -128,19 +128,19 @@ UNREADABLE, NOTHING = 3, 1
     "--results",
     "results_name",
     metavar="FOLDER",
-    help="Store a result of each capture in this folder or URL (JSON), and an overview of all.",
+    help="Store each result (JSON) and an overview in this folder or URL.",
 )
 @click.option(
     "--resume",
     is_flag=True,
-    help="With --results: skip what is already stored, unless anything changed.",
+    help="Skip what --results has stored already, if unchanged.",
 )
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Let the workers of a Dask cluster analyse: tcp://HOST:PORT of its scheduler.",
+    help="Analyse on a Dask cluster: tcp://HOST:PORT.",
 )
-@click.option("--no-progress", is_flag=True, help="No progress bar, not even on a terminal.")
+@click.option("--no-progress", is_flag=True, help="No progress bar.")
 def command(
     paths: Sequence[str],
     format_name: str | None,
@@ -225,7 +225,7 @@ def command(
         return UNREADABLE
     if run.nothing:
         choice.refuse_backwards()
-        there = run.instead(choice.selection)
+        there = run.instead(choice.of(None))
         warn(say("nothing_matches", criteria=choice.criteria, devices=there).text(lang))
         return NOTHING
     if required and run.empty:

@@ -54,7 +54,7 @@ _OPTIONS = (
     ),
     click.option(
         "-r", "--rule", "rules", multiple=True, metavar="RULE",
-        help="What has this finding: DS410, DS4, or its name.",
+        help="With this finding: DS410, DS4, or its name.",
     ),
     click.option(
         "-d", "--device", "devices", multiple=True, metavar="DEVICE",
@@ -62,25 +62,24 @@ _OPTIONS = (
     ),
     click.option(
         "--do", "drive_objects", multiple=True, type=click.IntRange(0, 0xFFFF), metavar="N",
-        help="Number of a drive object, where the capture proves which one was asked.",
+        help="Drive object, where the capture proves it.",
     ),
     click.option(
         "--pnu", "pnus", multiple=True, type=_Number(), metavar="N",
-        help="A parameter: 1120, p1120 or r0945, with or without an index.",
+        help="Parameter: 1120, p1120 or r0945, with or without index.",
     ),
     click.option(
-        "--station", "--controller", "stations", multiple=True, metavar="STATION",
+        "--station", "--controller", "stations", multiple=True, metavar="NAME",
         help="Who asks: IP address or station name of a controller.",
     ),
     click.option(
-        "-s", "--state", "states", multiple=True, type=click.Choice((*STATES, _FAILED, _NOT_OK)),
-        help="Transactions that ended so; failed: refused, error, partial or mismatch; not-ok: all but ok;"
-        " superseded: the response was not fetched.",
+        "-s", "--state", "states", multiple=True, type=click.Choice((*STATES, _FAILED, _NOT_OK)), metavar="STATE",
+        help="How it ended: ok, not-ok, failed (refused, error, partial or mismatch), unanswered,"
+        " superseded (response not fetched), incomplete or orphan.",
     ),
     click.option(
         "--from", "start", metavar="TIME",
-        help="Start: time of day (08:15, 08:15:00.5) or ISO 8601 in the zone of --tz, or seconds"
-        " from the first frame.",
+        help="Start: 08:15, 08:15:00.5, ISO 8601, or seconds into the capture.",
     ),
     click.option("--to", "end", metavar="TIME", help="End, in the same forms."),
 )  # fmt: skip

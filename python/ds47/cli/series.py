@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 series_option = click.option(
     "--series",
     is_flag=True,
-    help="Take the files of a ring buffer (dumpcap -b, tcpdump -C) as one capture; naming one of them means all.",
+    help="Treat the files of a ring buffer as one capture; naming one is enough.",
 )
 
 

@@ -80,6 +80,8 @@ def command(
         writer.close()
     if choice and not changes:
         choice.refuse_backwards()
-        there = instead.words(choice.selection)
+        there = instead.words(choice.of(None))
         warn(say("trail_nothing", criteria=choice.criteria, devices=there).text(lang))
-    return 3 if misses else 0
+    if misses:
+        return 3
+    return int(bool(choice) and not changes)

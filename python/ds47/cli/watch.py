@@ -42,19 +42,19 @@ _UNREADABLE = 3
     "interfaces",
     multiple=True,
     metavar="NAME",
-    help="Capture here, with dumpcap; may be repeated. Names: dumpcap -D.",
+    help="Capture here, with dumpcap; repeatable. Names: dumpcap -D.",
 )
 @click.option(
     "--capture-filter",
     metavar="FILTER",
-    help='For dumpcap, instead of the one that keeps what matters; "" captures everything.',
+    help='For dumpcap, instead of the usual one; "" captures everything.',
 )
 @click.option("--duration", type=float, metavar="SECONDS", help="End after this time (with -i).")
 @click.option("--dumpcap", "program", metavar="PROGRAM", help="The dumpcap to use.")
 @click.option(
     "--no-follow",
     is_flag=True,
-    help="Stop at the present end of SOURCE, if it is a file, instead of waiting for more.",
+    help="Stop at the end of SOURCE instead of waiting for more.",
 )
 @format_option("text", "ndjson")
 @fail_on_option

@@ -54,6 +54,8 @@ LAST: Final = "last"
 """The operation of rows that compare last values from any source (`regression.last_values`)."""
 FAULT: Final = "fault"
 """The event of spec/pzd.toml."""
+_PROFIBUS: Final = "dp"
+"""How a device of PROFIBUS is named; one of PROFINET has an address."""
 
 
 class ElementDifference(NamedTuple):
@@ -129,6 +131,8 @@ class Difference:
     """The start of the first transaction of each capture."""
     texts: dict[tuple[str, int | None], str] = field(default_factory=dict)
     """The meaning of error numbers, by device and number."""
+    strangers: tuple[list[str], list[str]] | None = None
+    """The drives of each capture where none is in both: nothing is compared then."""
 
     def of(self, *results: str) -> list[ElementDifference]:
         """The rows with one of these results."""
@@ -159,7 +163,7 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     """Compares two capture objects.
 
     Devices match by station name, else by IP address. If each capture has only one device, the two match
-    whatever their names are.
+    whatever their names are, unless they are of different types.
     """
     drives = _without_s7(a), _without_s7(b)
     called = _devices(*drives)
@@ -170,6 +174,11 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     result.starts = _start(drives[0]), _start(drives[1])
     result.unknown = sides[0].unknown, sides[1].unknown
     result.texts = sides[1].texts | sides[0].texts
+    result.faults = _faults(a, b, called)
+    mine, theirs = (sorted({*each.values()}) for each in called)
+    if mine and theirs and not result.faults and set(mine).isdisjoint(theirs):
+        result.strangers = mine, theirs
+        return result
     result.findings = _counts(
         *((each["rule"] for each in capture["findings"]) for capture in (a, b))
     )
@@ -177,7 +186,6 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
         *((each["state"] for each in capture["transactions"]) for capture in (a, b))
     )
     result.latencies = _latencies(a, b, called)
-    result.faults = _faults(a, b, called)
     return result
 
 
@@ -194,7 +202,18 @@ def _without_s7(capture: Json) -> Json:
 
 def _devices(a: Json, b: Json) -> tuple[dict[str, str], dict[str, str]]:
     """For each capture: the common name of each device, by IP address."""
-    return _alike(_named(a), _named(b))
+    one, other = _named(a), _named(b)
+    wires = {device.startswith(_PROFIBUS) for device in (*one, *other)}
+    types = {each for side in ((a, one), (b, other)) for each in _types(*side)}
+    return _alike(one, other, of_one_type=len(wires) < 2 and len(types) < 2)
+
+
+def _types(capture: Json, names: Mapping[str, str]) -> Iterator[str]:
+    """Vendor and device id of these drives, where the capture shows both."""
+    for each in capture.get("devices", []):
+        vendor, device = each.get("vendor_id"), each.get("device_id")
+        if each["ip"] in names and vendor is not None and device is not None:
+            yield f"{vendor} {device}"
 
 
 def named_alike(
@@ -204,8 +223,10 @@ def named_alike(
     return _alike(_unique(a), _unique(b))
 
 
-def _alike(one: dict[str, str], other: dict[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    if len(one) == len(other) == 1:
+def _alike(
+    one: dict[str, str], other: dict[str, str], *, of_one_type: bool = True
+) -> tuple[dict[str, str], dict[str, str]]:
+    if len(one) == len(other) == 1 and of_one_type:
         name, second = *one.values(), *other.values()
         both = name if name == second else f"{name} / {second}"
         return dict.fromkeys(one, both), dict.fromkeys(other, both)

@@ -60,6 +60,9 @@ def lines(found: Difference, lang: str = "en", *, everything: bool = False) -> I
     yield f"B {escape(b)}"
     yield ""
     yield words.verdict(found).text(lang)
+    if found.strangers:
+        yield from _rest_lines(found, lang, everything)
+        return
     yield from _conclusion_lines(found, lang)
     for section in words.sections(found):
         yield from _section(section.title, [words.line(run, found) for run in section.runs], lang)

@@ -33,7 +33,7 @@ _REST = (
 CONCLUSIONS = 12
 """Conclusions that text and page open with; the others are counted."""
 _NAMED = 3
-"""Parameters that a conclusion names."""
+"""Parameters that a conclusion names, and drives of a side that has none of the other."""
 _CONCLUDED = {
     concluded.CHANGE_FAILS: "diff_change_fails",
     concluded.READ_FAILS: "diff_read_fails",
@@ -79,11 +79,18 @@ class Section(NamedTuple):
 
 def verdict(found: Difference) -> Both:
     """How many parameter elements differ, of how many."""
+    if found.strangers:
+        a, b = map(_first_names, found.strangers)
+        return say("diff_strangers", a=a, b=b)
     if not found.compared:
         return say("diff_nothing")
     if not found.different:
         return say("diff_equal", n=found.compared)
     return say("diff_differ", n=found.different, total=f"{found.compared:,}")
+
+
+def _first_names(names: list[str]) -> str:
+    return ", ".join(map(escape, names[:_NAMED])) + ", ..." * (len(names) > _NAMED)
 
 
 def conclusion_text(each: Conclusion, found: Difference) -> Both:

@@ -20,6 +20,7 @@ from ds47.report.sentences import advice, sentence
 from ds47.report.targets import Telegrams
 from ds47.report.todo import is_lowered
 from ds47.report.verdict import VerdictCounts, concluded, inventory, outcomes, verdict
+from ds47.report.wrap import columns, cut
 from ds47.spec import rules
 
 
@@ -194,8 +195,6 @@ def first_sentences(text: str, room: int) -> str:
     end = 0
     for at, character in enumerate(text, 1):
         ends = character in "。" or (character == "." and text[at : at + 1] in ("", " "))
-        if ends and at <= room:
+        if ends and columns(text[:at]) <= room:
             end = at
-    if end:
-        return text[:end]
-    return text if len(text) <= room else text[: room - 4].rsplit(" ", 1)[0] + " ..."
+    return text[:end] if end else cut(text, room)

@@ -330,7 +330,9 @@ def _rules(summed: dict[str, Any], options: ReportOptions) -> list[str]:
 
 
 def _sums(summed: dict[str, Any], options: ReportOptions) -> list[str]:
-    captures = say("all_captures", captures=say("captures", n=summed["captures"]))
+    captures = say(
+        "all_captures", n=summed["captures"], captures=say("captures", n=summed["captures"])
+    )
     odd = [say(f"all_{key}", n=summed[key]) for key in _ODD if summed[key]]
     work, found = told_sums(summed, "{:,}".format)
     shown = [joined([say("frames", n=summed["frames"]), work]), found]

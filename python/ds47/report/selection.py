@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ds47.model import S7, CaptureResult, Finding, Transaction
 from ds47.profidrive.naming import spelling
 from ds47.report.bilingual import Both, joined, say
-from ds47.report.formatting import escape
+from ds47.report.formatting import duration, escape
 from ds47.report.targets import Targets
 from ds47.report.verdict import by_state
 
@@ -171,6 +171,7 @@ class There:
         self._rules: set[str] = set()
         self._objects: set[int] = set()
         self._newest = 0
+        self._captures = self._length = 0
 
     def add(self, result: CaptureResult) -> None:
         """Takes a whole result."""
@@ -180,6 +181,8 @@ class There:
         self._rules |= {each.rule for each in result.diagnoses}
         self._objects |= {each.drive_object for each in result.transactions if each.drive_object}
         self._newest = max(self._newest, len(result.transactions))
+        self._captures += 1
+        self._length = max(self._length, (result.end_ns or 0) - (result.start_ns or 0))
         self._parameters |= {
             spelling(each.pnu, each.family)
             for item in result.transactions
@@ -191,22 +194,26 @@ class There:
         """What there is of the kind that is asked for, else the devices: `there are 140 ok, 55 error`."""
         parts = []
         if selection.states and self._states:
-            parts.append(say("there_are", list=joined(by_state(self._states))))
+            number = self._states.total()
+            parts.append(say("there_are", n=number, list=joined(by_state(self._states))))
             if self._states["superseded"]:
                 parts.append(say("there_superseded"))
         if selection.rules and self._rules:
-            parts.append(say("there_are", list=listed(sorted(self._rules))))
+            parts.append(say("there_are", n=len(self._rules), list=listed(sorted(self._rules))))
         if selection.transactions and self._newest:
             parts.append(say("there_transactions", last=self._newest))
         if selection.drive_objects:
             numbers = [f"DO {each}" for each in sorted(self._objects)]
             key = "there_are" if numbers else "there_no_object"
-            parts.append(say(key, list=listed(numbers)))
+            parts.append(say(key, n=len(numbers), list=listed(numbers)))
         if selection.pnus and self._parameters:
             parts.append(say("there_parameters", list=listed(sorted(self._parameters))))
+        if selection.start is not None or selection.end is not None:
+            parts.append(say("there_length", n=self._captures, length=duration(self._length)))
         if not parts:
             devices = list(self._devices)
-            parts.append(say("there_are" if devices else "there_no_device", list=listed(devices)))
+            key = "there_are" if devices else "there_no_device"
+            parts.append(say(key, n=len(devices), list=listed(devices)))
         return joined(parts, "; ", "；")
 
 
@@ -221,7 +228,8 @@ def names(result: CaptureResult) -> list[str]:
 
 def there_are(devices: list[str]) -> str:
     """`there are 192.168.0.5 (press-1), 192.168.0.6`; of many the first ones."""
-    return f"there are {listed(devices)}" if devices else "the capture shows no device"
+    key = "there_are" if devices else "there_no_device"
+    return say(key, n=len(devices), list=listed(devices)).en
 
 
 def listed(names: list[str]) -> str:

@@ -6,7 +6,6 @@ No line is wider than the terminal: a sentence is broken or cut. `ds47.report.te
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import islice
 from pathlib import PurePath
 from typing import Final
 
@@ -31,8 +30,8 @@ _ADVICE: Final = 2
 """and of its advice."""
 _HEAD: Final = 2
 """Lines of the verdict in a summary."""
-_LISTED: Final = 8
-"""Transactions that stand on a screen of what somebody asked for, if there are so many,"""
+_LISTED: Final = 12
+"""Lines of the transactions on a screen of what somebody asked for,"""
 _FEWER: Final = 2
 """and the most causes beside them."""
 
@@ -44,7 +43,11 @@ class Short:
         self._lang, self._whole, self._width, self._paint = lang, width, min(width, WIDTH), paint
 
     def screen(
-        self, digest: Digest, head: Sequence[str], totals: Sequence[str], rows: Sequence[str] = ()
+        self,
+        digest: Digest,
+        head: Sequence[str],
+        totals: Sequence[str],
+        asked: Sequence[Sequence[str]] = (),
     ) -> list[str]:
         """At most LINES lines: as many causes as have room, and the verdict again at the end.
 
@@ -52,11 +55,12 @@ class Short:
             digest: with at most CAUSES causes.
             head: more about the file, such as damage.
             totals: the lines of the sums.
-            rows: the lines of the transactions that somebody asked for, the first ones of many.
+            asked: the lines of each transaction that somebody asked for; the first ones are shown.
         """
+        rows = list(self._first(asked))
         most = min(len(digest.causes), _FEWER) if rows else len(digest.causes)
         for number in range(most, -1, -1):
-            lines = list(self._screen(digest, number, head, totals, rows[:_LISTED]))
+            lines = list(self._screen(digest, number, head, totals, rows))
             if len(lines) <= LINES:
                 return lines
         return [*lines[: LINES - 1], lines[-1]]
@@ -70,7 +74,7 @@ class Short:
         rows: Sequence[str],
     ) -> Iterator[str]:
         yield from self._top(digest)
-        yield from head
+        yield from (line for each in head for line in fitted(each, self._whole))
         if number:
             yield from ("", self._paint("bold", self._say("to_do_head")))
         for each in digest.causes[:number]:
@@ -88,6 +92,18 @@ class Short:
         yield from (line for each in totals for line in fitted(each, self._whole))
         yield self._dim(self._more(digest))
         yield from self.verdict(digest)
+
+    def _first(self, asked: Sequence[Sequence[str]]) -> Iterator[str]:
+        """The lines of the first transactions, none of which is cut off, and how many more there are."""
+        shown = room = 0
+        for lines in asked:
+            room += len(lines)
+            if shown and room > _LISTED:
+                break
+            shown += 1
+            yield from lines[:_LISTED]
+        if shown < len(asked):
+            yield self._dim("  " + self._say("more", number=str(len(asked) - shown)))
 
     def summary(self, digest: Digest) -> list[str]:
         """At most 12 lines: verdict, three causes, who, when."""
@@ -152,15 +168,11 @@ class Short:
         return " ".join(filter(None, [line.text(self._lang), _text(cause.times, self._lang)]))
 
     def _cause(self, cause: ShortCause) -> Iterator[str]:
-        lines = wrap(self._sentence(cause), self._width - 4)
-        if len(lines) > _SENTENCE:
-            rest = " ".join(line.rstrip() for line in lines[_SENTENCE - 1 :])
-            lines[_SENTENCE - 1 :] = [cut(rest, self._width - 4)]
-        for number, line in enumerate(lines):
-            yield ("    " if number else "  ") + self._paint(cause.severity, line)
         room = self._width - 4
+        for number, line in enumerate(_first_lines(self._sentence(cause), room, _SENTENCE)):
+            yield ("    " if number else "  ") + self._paint(cause.severity, line)
         advice = first_sentences(cause.advice.text(self._lang), _ADVICE * (room - 8))
-        for line in islice(wrap("-> " + advice, room, 3), _ADVICE):
+        for line in _first_lines("-> " + advice, room, _ADVICE, 3):
             yield "    " + line
         if cause.where is not None:
             yield self._dim("    " + self._say("look_at_first", frame=cause.where))
@@ -180,6 +192,15 @@ class Short:
         known = (page, everything) if digest.narrowed is None else ()
         fit: Iterator[str] = (each.text(self._lang) for each in (*known, say("short_same")))
         return next(line for line in fit if columns(line) <= self._whole)
+
+
+def _first_lines(text: str, room: int, most: int, hanging: int = 0) -> list[str]:
+    """The text in lines; what needs more of them is left out at the end of the last one."""
+    lines = wrap(text, room, hanging)
+    if len(lines) > most:
+        rest = " ".join(line.strip() for line in lines[most - 1 :])
+        lines[most - 1 :] = [" " * hanging + cut(rest, room - hanging)]
+    return lines
 
 
 def _text(text: Both | None, lang: str) -> str:

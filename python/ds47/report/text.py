@@ -142,8 +142,9 @@ class Writer(_Writer):
         if len(lines) > LINES or max(map(columns, lines)) > self.options.columns:
             head = [f"  {each}" for each in self._about_file(result)]
             self._clock = Clock.of(result, self.options.zone)
-            rows = list(self._asked_for(result)) if result.narrowed is not None else []
-            lines = form.screen(digest, head, self._totals(total([row]), latency), rows)
+            listed = self._listed(result) if result.narrowed is not None else ()
+            asked = [lines for _, lines in listed]
+            lines = form.screen(digest, head, self._totals(total([row]), latency), asked)
         for line in lines:
             self._copied(line)
 
@@ -440,24 +441,22 @@ class Writer(_Writer):
             text = self._say("files_missing", n=file.missing_before, name=escape(name(file)))
             self._line("    " + self._paint("warning", text))
 
-    def _asked_for(self, result: CaptureResult) -> Iterator[str]:
-        """The lines of the transactions, without what the PLC saw."""
+    def _listed(self, result: CaptureResult) -> Iterator[tuple[Transaction, list[str]]]:
+        """The transactions that are listed, each with its lines."""
         listed = [each for each in result.transactions if self._is_listed(each)]
-        table = _Columns(listed, Targets(result.evidence), self.options.lang, self._clock)
-        for each in listed:
-            yield from self._transaction_lines(each, table)
+        if listed:
+            table = _Columns(listed, Targets(result.evidence), self.options.lang, self._clock)
+            yield from ((each, self._transaction_lines(each, table)) for each in listed)
 
     def _table(self, result: CaptureResult) -> None:
-        transactions = [each for each in result.transactions if self._is_listed(each)]
-        if not transactions:
-            return
         witness = plc.Witness(result)
-        self._line()
-        self._title(self._say("transactions_head"))
-        table = _Columns(transactions, Targets(result.evidence), self.options.lang, self._clock)
-        self._line("  " + self._paint("dim", self._say(table.words)))
-        for each in transactions:
-            self._copied("\n".join(self._transaction_lines(each, table)))
+        for number, (each, lines) in enumerate(self._listed(result)):
+            if not number:
+                key = "line_columns" if self._clock.known else "line_columns_undated"
+                self._line()
+                self._title(self._say("transactions_head"))
+                self._line("  " + self._paint("dim", self._say(key)))
+            self._copied("\n".join(lines))
             shown = self.options.plc or each.state != "ok" or witness.is_cut(each)
             if each.channel == DS47 and shown:
                 saw = witness.line(each).text(self.options.lang)
@@ -590,11 +589,6 @@ class _Columns:
         controller = f"{escape(item.controller)} -> " if self.controllers else ""
         where = self._targets.where(item, with_slot=self.slots)
         return f"{controller}{escape(item.device)} {where}".rstrip()
-
-    @property
-    def words(self) -> str:
-        """The key of the words that say what stands in front of a transaction."""
-        return "line_columns" if self._clock.known else "line_columns_undated"
 
     def _seconds(self, item: Transaction) -> str:
         """Seconds since the first frame of the capture."""
