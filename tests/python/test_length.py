@@ -136,7 +136,7 @@ def read_with(stated: int, asked: bytes | None, answer: bytes, **more: Any) -> J
 
 
 def mlen(case: Job) -> dict[str, int] | None:
-    told = list(length.answer_cut(case))
+    told = list(length.answer_cut(case, sizes))
     assert [(each.rule, each.frame) for each in told] == [("DS712", 4)] * len(told)
     return told[0].args if told else None
 
@@ -148,21 +148,23 @@ TWO_FOUND = message.answer(1, 1, 1, BYTES, TEN)
 
 
 @pytest.mark.parametrize(
-    ("asked", "answer", "stated", "need"),
+    ("asked", "answer", "stated", "need", "whole"),
     [
-        (READ_ARRAY, REALS, 10, 22),
-        (READ_ARRAY, REALS, 21, 22),
-        (READ_ARRAY, REALS, 22, None),
-        (READ_ARRAY, REALS, 5, 6),  # the format and the number are not both there
-        (TWO, TWO_FOUND, 9, 12),  # the pad before the next block, and its first two bytes
-        (TWO, TWO_FOUND, 10, 12),
-        (TWO, TWO_FOUND, 7, 9),
+        (READ_ARRAY, REALS, 10, 22, None),
+        (READ_ARRAY, REALS, 21, 22, None),
+        (READ_ARRAY, REALS, 22, None, None),
+        (READ_ARRAY, REALS, 5, 6, 22),  # the format and the number are not both there
+        (TWO, TWO_FOUND, 9, 12, 16),  # the pad before the next block, and its first two bytes
+        (TWO, TWO_FOUND, 10, 12, 16),
+        (TWO, TWO_FOUND, 7, 9, None),  # of the first one nobody knows the size
     ],
 )
 def test_a_response_that_ends_at_mlen_was_cut(
-    asked: bytes, answer: bytes, stated: int, need: int | None
+    asked: bytes, answer: bytes, stated: int, need: int | None, whole: int | None
 ) -> None:
     expected = None if need is None else {"asked": stated, "need": need}
+    if expected is not None and whole is not None:
+        expected |= {"more": "mlen_whole", "whole": whole}  # type: ignore[dict-item]
     assert mlen(read_with(stated, asked, answer[:stated])) == expected
 
 

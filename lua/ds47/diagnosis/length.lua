@@ -81,19 +81,41 @@ local function least_block(address, size_of)
   return 2 + size + size % 2
 end
 
+-- Bytes of the block of a parameter in a response with all values; nil where nobody knows.
+local function block_size(address, block, size_of)
+  local there = block and not block.error and not is_cut(block)
+  if there then return BLOCK_HEADER + #block.raw + #block.raw % 2 end
+  if address.attribute ~= VALUE or size_of(address.pnu) == nil then return nil end
+  return least_block(address, size_of)
+end
+
+-- Bytes of a response with all values, where it is known and more than `need`.
+local function whole(job, need, size_of)
+  local message, bytes = job.message, HEADER
+  if message == nil or message.operation ~= "read" then return nil end
+  for number, address in ipairs(message.addresses) do
+    local size = block_size(address, job.response.blocks[number], size_of)
+    if size == nil then return nil end
+    bytes = bytes + size
+  end
+  return bytes > need and bytes or nil
+end
+
 -- The number of bytes that fill a value block up and are not there, at the place where the message ends.
 local function pads_missing(flaws, offset)
   return any(flaws, function(flaw) return flaw.rule == "DS311" and flaw.offset == offset end) and 1 or 0
 end
 
---- MLEN of RDREC is too small: the response was cut to it.
-function M.answer_cut(remarks, job)
+--- MLEN of RDREC is too small: the response was cut to it. Of a request all is said that it needs, if known.
+function M.answer_cut(remarks, job, size_of)
   local asked, answer = job.read_request, job.read_response
   if asked == nil or asked.stated == 0 or job.response == nil or #answer.data ~= asked.stated then return end
   local flaw = missing(job.response.flaws)
   if flaw and not answer.missing then
     local need = #answer.data + pads_missing(job.response.flaws, flaw.offset) + flaw.args.need
-    put(remarks, "DS712", answer.frame, {asked = asked.stated, need = need})
+    local all = whole(job, need, size_of)
+    local args = {asked = asked.stated, need = need, more = all and "mlen_whole", whole = all}
+    put(remarks, "DS712", answer.frame, args)
   end
 end
 
@@ -127,22 +149,19 @@ local function without_room(request, blocks, length, most, size_of)
   return nil
 end
 
--- For how many of the parameters, or of the elements of the first one, a response has room: the key of the words,
--- and the number. Nobody knows that where the size of a value is not known; those that were answered show theirs.
+-- For how many of the parameters, or of the elements of the first one, a response has room: the key of the
+-- words, and the number. Nobody knows that where the size of a value is not known; those that were answered
+-- show theirs.
 local function room_for(request, blocks, room, size_of)
   local left = room - HEADER
   for number, address in ipairs(request.addresses) do
-    local block, size = blocks[number], address.attribute == VALUE and size_of(address.pnu) or nil
-    local needs = nil
-    if block and not block.error then
-      needs = BLOCK_HEADER + #block.raw + #(block.pad or "")
-    elseif size then
-      needs = least_block(address, size_of)
-    else
-      return nil, nil
+    local needs = block_size(address, blocks[number], size_of)
+    if needs == nil then return nil, nil end
+    if needs > left then
+      local size = number == 1 and size_of(address.pnu)
+      if size then return "fit_elements", floor(max(0, left - BLOCK_HEADER) / size) end
+      return "fit_parameters", number - 1
     end
-    if needs > left and number == 1 and size then return "fit_elements", floor(max(0, left - BLOCK_HEADER) / size) end
-    if needs > left then return "fit_parameters", number - 1 end
     left = left - needs
   end
   return nil, nil

@@ -144,7 +144,7 @@ function Diagnoses:_cause(remarks, job)
   end
   local function size_of(pnu) return self:_size(job, pnu) end
   length.request_too_short(remarks, job, refused)
-  length.answer_cut(remarks, job)
+  length.answer_cut(remarks, job, size_of)
   local stated = self.limits:get(device, PNU_ACCESS_IDENTIFICATION)
   length.answer_too_long(remarks, job, stated, self.longest:get(device, ONLY) or 0, size_of)
   refusal.add(remarks, job, refused, function(remark, each) self:_suggest(job, remark, each) end)

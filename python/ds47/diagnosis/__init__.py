@@ -120,7 +120,7 @@ class Diagnoses:
         size_of = partial(self._size, job)
         remarks += [
             *length.request_too_short(job, [each.code for each in others]),
-            *length.answer_cut(job),
+            *length.answer_cut(job, size_of),
             *length.answer_too_long(
                 job, self._limits.get(device), self._longest.get(device, 0), size_of
             ),

@@ -78,8 +78,8 @@ def _is_cut(block: Block) -> bool:
     return len(there) < block.value_count
 
 
-def answer_cut(job: Job) -> Iterator[Remark]:
-    """MLEN of RDREC is too small: the response was cut to it."""
+def answer_cut(job: Job, size_of: SizeOf) -> Iterator[Remark]:
+    """MLEN of RDREC is too small: the response was cut to it. Of a request all is said that it needs, if known."""
     asked, answer = job.read_request, job.read_response
     if asked is None or answer is None or not asked.stated or job.response is None:
         return
@@ -89,7 +89,14 @@ def answer_cut(job: Job) -> Iterator[Remark]:
     if flaw is not None:
         pad = any(each.rule == NO_PAD and each.offset == flaw.offset for each in job.response.flaws)
         need = len(answer.data) + pad + int(flaw.args["need"])
-        yield Remark("DS712", answer.frame, {"asked": asked.stated, "need": need})
+        args: dict[str, Any] = {"asked": asked.stated, "need": need}
+        if job.message is not None and job.message.operation == "read":
+            sizes = list(_block_sizes(job.message, job.response.blocks, size_of))
+            known_sizes = [size for size in sizes if size is not None]
+            whole = MESSAGE_SIZE + sum(known_sizes)
+            if len(known_sizes) == len(sizes) and whole > need:
+                args |= {"more": "mlen_whole", "whole": whole}
+        yield Remark("DS712", answer.frame, args)
 
 
 def read_too_short(job: Job) -> Iterator[Remark]:
@@ -161,21 +168,28 @@ def _room_for(
     Nobody knows that where the size of a value is not known; the parameters that were answered show theirs.
     """
     left = room - MESSAGE_SIZE
-    for number, address in enumerate(request.addresses):
-        block = blocks[number] if number < len(blocks) else None
-        size = size_of(address.pnu) if address.attribute == VALUE else None
-        if block is not None and block.error is None:
-            needs = VALUE_SIZE + len(block.raw) + len(block.pad)
-        elif size is None:
-            return None, None
-        else:
-            needs = _least_block(address, size_of)
-        if needs > left and not number and size:
-            return "fit_elements", max(0, left - VALUE_SIZE) // size
+    for number, needs in enumerate(_block_sizes(request, blocks, size_of)):
+        if needs is None:
+            break
         if needs > left:
+            size = size_of(request.addresses[0].pnu) if number == 0 else None
+            if size:
+                return "fit_elements", max(0, left - VALUE_SIZE) // size
             return "fit_parameters", number
         left -= needs
     return None, None
+
+
+def _block_sizes(request: Request, blocks: list[Block], size_of: SizeOf) -> Iterator[int | None]:
+    """Bytes of the block of each parameter in a response with all values; None where nobody knows."""
+    for number, address in enumerate(request.addresses):
+        block = blocks[number] if number < len(blocks) else None
+        if block is not None and block.error is None and not _is_cut(block):
+            yield VALUE_SIZE + len(block.raw) + len(block.raw) % 2
+        elif address.attribute == VALUE and size_of(address.pnu) is not None:
+            yield _least_block(address, size_of)
+        else:
+            yield None
 
 
 def answered(blocks: list[Block]) -> list[int]:

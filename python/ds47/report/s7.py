@@ -101,13 +101,15 @@ def _bsends(result: CaptureResult) -> Iterator[Both]:
             before = longest.setdefault(each.connection, each)
             if len(each.segments) > len(before.segments):
                 longest[each.connection] = each
-    agreed = {each.id: each.pdu_length for each in result.connections}
+    agreed: dict[int | None, int | None] = {each.id: each.pdu_length for each in result.connections}
     for connection, item in longest.items():
         took, size, count = item.duration_ns, len(item.items[0].value or b""), len(item.segments)
         if took is None or not size:
             continue
         pdu = agreed.get(connection) or LONGEST_PDU
-        best = 1 - min(0, s7.room("bsend_first", LONGEST_PDU) - size) // s7.room("bsend", LONGEST_PDU)
+        best = 1 - min(0, s7.room("bsend_first", LONGEST_PDU) - size) // s7.room(
+            "bsend", LONGEST_PDU
+        )
         yield say(
             "s7_bsend_takes" if pdu >= LONGEST_PDU else "s7_bsend_takes_longer",
             sender=escape(item.controller), receiver=escape(item.device), r_id=str(item.r_id),

@@ -26,7 +26,9 @@ VALUES_SHOWN: Final = 4
 """The most values of a list that a sentence names."""
 _LINE: Final = 100
 _NUMBER: Final = re.compile(r"\d+")
-_OF_ERROR: Final = re.compile(r"(?=0x(?:[0-9A-F]{2}){1,2}(?:, several parameters|，多个参数)?[:：])")
+_OF_ERROR: Final = re.compile(
+    r"(?=0x(?:[0-9A-F]{2}){1,2}(?:, several parameters|，多个参数)?[:：])"
+)
 """The start of a part of an advice that is about one error number."""
 _SEVERAL: Final = (", several parameters", "，多个参数")
 """What follows the number if the part is only about requests with several parameters."""
@@ -244,7 +246,9 @@ class _Shown(dict[str, str]):
             between = "；" if self._lang == "zh" else "; "
             return known[value] + (between + known["dropped"] if dropped else "")
         if kind == "key":  # of a clause that is not always there
-            return "" if value is None else _key_words(value, self._lang, self._form).format_map(self)
+            return (
+                "" if value is None else _key_words(value, self._lang, self._form).format_map(self)
+            )
         if kind == "place" and value is not None:
             return place(value, self._lang)
         if kind == "text" and isinstance(value, str):

@@ -272,13 +272,18 @@ def too_long(job: S7Job) -> dict[str, Any]:
         `needs`: the bytes of that PDU; `agreed`: how many it may have; `room`: of one item the bytes that fit, of
         several how many of the first ones do; `jobs`: in how many jobs that is done.
     """
-    agreed, sizes = job.connection.pdu_length, [each.address.length for each in job.items if each.address]
+    agreed, sizes = (
+        job.connection.pdu_length,
+        [each.address.length for each in job.items if each.address],
+    )
     if job.error != TOO_LONG or agreed is None or len(sizes) < max(1, len(job.items)):
         return {}
     filled = [size + size % 2 for size in sizes]
     needs = [
         agreed - s7.room(job.operation, agreed, count) + before + size
-        for count, (before, size) in enumerate(zip([0, *accumulate(filled)], sizes, strict=False), 1)
+        for count, (before, size) in enumerate(
+            zip([0, *accumulate(filled)], sizes, strict=False), 1
+        )
     ]
     one = s7.room(job.operation, agreed)  # bytes of a single item
     if needs[-1] <= agreed or one <= 0:

@@ -297,7 +297,9 @@ class S7Judge(S7Listener):
             return
         if job.error:
             of = areas(job.items)
-            self._say("DS909", job, at, operation=operation, area=of, code=job.error, **too_long(job))
+            self._say(
+                "DS909", job, at, operation=operation, area=of, code=job.error, **too_long(job)
+            )
             return
         for code in dict.fromkeys(each.code for each in job.items):
             failed = [each for each in job.items if each.code == code]
