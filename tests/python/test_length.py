@@ -143,7 +143,7 @@ def mlen(case: Job) -> dict[str, int] | None:
 
 REALS = message.answer(1, 1, 1, message.real(1.0, 2.0, 3.0, 4.0))
 READ_ARRAY = message.read(1, 1, ARRAY)
-TWO = message.read(1, 1, message.address(5, 0, 3), FIXED)
+TWO = message.read(1, 1, message.address(5, 0, 3), message.address(2902))
 TWO_FOUND = message.answer(1, 1, 1, BYTES, TEN)
 
 
