@@ -301,7 +301,7 @@ class Transaction(Plain):
     id: int = 0
     channel: Channel = DS47
     cycles: int | None = None
-    """From a request in cyclic frames to its response, in cycles; None if their first cycle was not seen."""
+    """From a request in cyclic frames to its response, in cycles; None if these cannot be counted."""
     station: int | None = None
     """The address of the device on PROFIBUS; None on PROFINET."""
     connection: int | None = None
