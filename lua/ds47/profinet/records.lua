@@ -261,8 +261,8 @@ end
 --- The AR that a Release ends, from its request or response; nil if its block does not parse.
 function M.released_ar(pdu) return first_ar(pdu, RELEASE_BLOCKS) end
 
---- Whether a Connect request sets up the AR of cyclic data (IOCARSingle, also with IRT). A controller has only
--- one of these with a device. ARs of supervisors may exist beside it.
+--- Whether a Connect request sets up the AR of cyclic data (IOCARSingle, also with IRT). A controller has
+-- only one of these with a device. ARs of supervisors may exist beside it.
 function M.is_only_ar(pdu)
   local t1, t2 = byte(pdu.body, FIRST_AR - 1, FIRST_AR)
   return t2 ~= nil and ONLY_ARS[t1 * 256 + t2] or false
