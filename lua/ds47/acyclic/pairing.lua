@@ -560,8 +560,8 @@ local function cross(channel, job)
 end
 
 -- The newest other request at the place of a job, for any controller and AR, if it surely was open when the
--- Write of the job came, or came later itself; nil for none. Sure means: it was accepted, no Connect of its AR
--- ended it, and no pending Read may fetch its response. Also whether surely none is open there (P78).
+-- Write of the job came, or came later itself; nil for none. Sure means: it was accepted, no Connect of its
+-- AR ended it, and no pending Read may fetch its response. Also whether surely none is open there (P78).
 local function rival_of(self, channel, job)
   local keys, found, came = self.of_place[channel.place], nil, job:write_request()
   for key in keys:newest_first(self.limits.users) do
@@ -594,7 +594,7 @@ local function refuse(self, channel, job)
   channel.refused = job
 end
 
--- Unanswered Writes newer than the open request, newest first; the record mirrors them as it mirrors that one.
+-- Unanswered Writes newer than the open request, newest first; the record mirrors all or none of them.
 local function newer_than(open, channel, reference)
   local asked, newer, mirrored = channel.asked, {}, open:reference() == reference
   for place = #asked, 1, -1 do
