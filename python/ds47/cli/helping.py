@@ -1,6 +1,6 @@
 """The help of a command: an example first, then its options in groups; those of PKW, PROFIBUS and S7 come last.
 
-What an option does is said where it is made. Here stands only which of them belong together.
+Each option explains itself where it is defined. This module only says which options belong together.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ GROUPS: Final = {
 }  # fmt: skip
 """Which options, by the names of their values, belong together."""
 _FEW: Final = 14
-"""So many options need no groups."""
+"""Up to this many options need no groups."""
 
 
 class Helped(click.Command):
@@ -48,7 +48,7 @@ class Helped(click.Command):
         super().format_help_text(ctx, formatter)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The options in groups, where there are many; others, and the help itself, at the end."""
+        """The options in groups, if there are many; other options and `--help` come last."""
         known = [(each.name or "", each.get_help_record(ctx)) for each in self.get_params(ctx)]
         shown = [(name, record) for name, record in known if record is not None]
         if len(shown) <= _FEW:
