@@ -63,7 +63,7 @@ end
 
 local function event_pushed_out(self, origin, _, limit) self:push_out(limit, origin.frame) end
 
--- What waited for its AR to prove itself is behind a Release then, as all else was when that came.
+-- The Release of an AR: events that waited for its proof run before it.
 local function event_release(self, at, _, of_ar) self.pairing:release(of_ar, at, SHARED_INDEX) end
 
 local function event_about(self, origin, record, remark)
@@ -73,7 +73,7 @@ end
 
 local function event_read_asked(self, origin, record, _, peer)
   clock(self, origin, record)
-  record.job = self.pairing:expected(peer, record) -- for what is said of the call
+  record.job = self.pairing:expected(peer, record) -- for findings about the call
   if record.job then record.job:fetch(record.request) end
 end
 
@@ -85,7 +85,7 @@ local function event_answered_twice(_, _, record)
   if record.job then record.job.twice = record.request.frame end
 end
 
--- A Read is over, to whomever its response goes.
+-- A Read is over, whichever job gets its response.
 local function event_read_over(_, _, record)
   if record.job then record.job:fetched(record.request) end
 end
@@ -133,10 +133,10 @@ end
 --- An IODWriteMultiple, whatever it holds.
 function RecordEvents:wrote_multiple() count(self, records.WRITE_MULTIPLE, "write") end
 
--- Runs an event, now or when something proves the same AR; never if nothing does. Whether it waits.
--- `event`: a function under "Events". `proves`: a function of the same arguments that says whether the
--- message proves its AR, asked only where that would open the AR; nil for an event that does not.
--- What a question alone proves runs, and waits all the same.
+-- Runs an event now, or when something proves its AR. Returns whether it waits.
+-- `event`: a function under "Events". `proves`: a function of the same arguments, whether the message proves
+-- its AR; called only if that would open the AR; nil: the event never does.
+-- After a question an event runs now, and waits as well.
 local function pass(self, event, proves, origin, record, detail)
   local peer, place, index47 = origin.peer, record.place, self.index47
   if place.peer ~= peer then know_peer(place, peer) end
@@ -165,7 +165,7 @@ end
 --- A finding about a record that is ours, or will turn out to be.
 function RecordEvents:remark(origin, record, remark) pass(self, event_remark, nil, origin, record, remark) end
 
---- The same, about the job that the record belongs to, where there is one then.
+--- The same, about the job of the record, if it has one then.
 function RecordEvents:about(origin, record, remark) pass(self, event_about, nil, origin, record, remark) end
 
 --- The call of a record, which is ours or will turn out to be, was pushed out by the limit of this name.
