@@ -940,8 +940,8 @@ class Pairing:
     def _rival(self, found: Job, job: Job) -> Job | None:
         """The found request, if it surely was open when the Write of the job came, or came later itself.
 
-        Sure means: it was accepted, no pending Read may fetch its response, and no call of the two peers can be
-        missing since.
+        Sure means: it was accepted, and no pending Read may fetch its response. None if a call of the two peers
+        may be missing since.
         """
         asked, came = found.write_request, job.write_request
         if not (asked and came):

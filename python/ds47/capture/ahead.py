@@ -5,8 +5,8 @@ frames (scan.py), the buffer (stream.py), blocks that stop the walk (pcap.py, pc
 
 A compiled scan of a large plain file also reads the file, without the interpreter, while the main thread makes
 transactions of earlier frames. It only handles the usual case: at the end of the file, at damage or at a block
-that is no frame, it stops. The thread ends, and the rest is read without one. So only one place says what is
-wrong with a file. Uncompiled, the scan needs the interpreter, and a thread gains nothing.
+that is no frame, it stops. The thread ends, and reading goes on as if there had been none. So only one place
+says what is wrong with a file. Uncompiled, the scan needs the interpreter, and a thread gains nothing.
 """
 
 from __future__ import annotations

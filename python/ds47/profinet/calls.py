@@ -76,7 +76,7 @@ class Activity(Plain):
     anew: int
     """The frame that used a number for another call: the client counts anew from there. 0 for none."""
     doubled: int
-    """The frame of a response that came again without its request: a request is missing. 0 for none."""
+    """The frame of a response that came again, although its request did not: one is missing. 0 for none."""
 
     def __init__(self, pdu: Pdu) -> None:
         self.anew = self.doubled = 0
