@@ -5,15 +5,15 @@
     for transaction in ds47.analyze("machine.pcapng"):
         print(transaction.state, transaction.duration_ms, transaction.parameters)
 
-The names in `__all__` are the library; docs/python.md tells what they promise. They are loaded when they are
-asked for: the command asks for none of them.
+The names in `__all__` are the library; docs/python.md says what they promise. Each is loaded on first use: the
+command line needs none of them.
 """
 
 from __future__ import annotations
 
 from ds47.version import __version__
 
-# Type checkers know the name; to import `typing` for it takes longer than all of this.
+# Type checkers know this name; importing `typing` for it would take longer than all of this module.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any

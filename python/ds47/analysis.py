@@ -2,7 +2,7 @@
 
     frames -> RPC messages -> record calls -> jobs -> transactions with findings
 
-Each step is a module of its own; here they are only joined. Nothing is printed, no format is known.
+Each step is a module of its own; this one only joins them. It prints nothing and knows no output format.
 """
 
 from __future__ import annotations
@@ -64,12 +64,12 @@ OnTransaction = Callable[[Transaction, list[Finding]], None]
 
 
 class Early(NamedTuple):
-    """Listeners that hear of things at once, and not when nothing more can come (`ds47.watch`).
+    """Listeners that hear of things at once, not only when a transaction is over (`ds47.watch`).
 
     Attributes:
-        settled: is told of a transaction when it has its response or its Write was refused, with what
-            was found so far. It comes once more, as to `on_transaction`, when it is over.
-        found: is told of a finding when it is found: one of a transaction that is not over, or of none.
+        settled: gets a transaction as soon as it has its response, or its Write was refused, with the
+            findings so far. `on_transaction` gets it again when it is over.
+        found: gets a finding at once, if its transaction is not over yet or it belongs to none.
     """
 
     settled: OnTransaction
@@ -81,18 +81,18 @@ class AnalysisOptions(NamedTuple):
 
     Attributes:
         indices: further record indices that carry the parameter channel.
-        slow_ms: share of the drive from which a transaction is slow; None for the shipped limit.
+        slow_ms: a transaction is slow if the drive takes longer than that; None for the shipped limit.
         select: rule ids or prefixes to report; empty for all.
         ignore: rule ids or prefixes to leave out.
         codec: dialects of the parameter channel.
         digest: whether to compute the SHA-256 of the file (reads every byte).
         pkw_layouts: the layout of IND ("cyclic" or "uss", docs/cyclic.md 2) by the IP address of the device;
-            "" stands for all others.
-        channels: of `model.CHANNELS` those that are reported.
-        cyclic: channels in cyclic frames that are named by hand, two for each; `cyclic.named.pairs` likes them.
+            "" for all others.
+        channels: which of `model.CHANNELS` to report.
+        cyclic: channels in cyclic frames named by hand: two names each, in the order of `cyclic.named.pairs`.
         ppos: numbers of PPO by the address of the station, for captures of PROFIBUS without Chk_Cfg.
         s7: choices for S7 communication.
-        vendor_id: PROFINET vendor id of devices of which the capture shows none; None: they stay without one.
+        vendor_id: PROFINET vendor id for devices without one in the capture; None: they have none.
         lists: lists of parameters that name what the drive does not name itself.
     """
 
@@ -122,11 +122,11 @@ def analyze(
         source: path, "-" for standard input, a binary stream, or an open capture or series.
         options: choices of the user.
         on_transaction: called for each finished transaction with its findings. The result then holds
-            no transaction and only the findings of none (memory grows with these alone), and `id` counts
-            in the order in which transactions began.
+            no transactions, and only findings that belong to none; memory grows with these alone. `id`
+            counts in the order in which transactions began.
 
     Raises:
-        ds47.capture.CaptureError: nothing of the source can be read.
+        ds47.capture.CaptureError: the source cannot be read at all.
     """
     options = options or AnalysisOptions()
     if isinstance(source, (Capture, Series)):
@@ -141,7 +141,7 @@ def analyze(
 def _told(
     capture: Capture | Series, options: AnalysisOptions, on_transaction: OnTransaction | None
 ) -> CaptureResult:
-    """The result; a file in which nothing was set up is opened again for who sends frames, and which."""
+    """The result. A file without a Connect is read again: who sends cyclic frames? What are its frames at all?"""
     analysis = Analysis(options, on_transaction)
     result = analysis.run(capture)
     alone = isinstance(capture, Capture) and Path(capture.path).is_file()
@@ -160,7 +160,7 @@ def _told(
 
 @dataclass(slots=True, eq=False, repr=False)
 class _Over:
-    """A transaction of PKW that is over, as its findings know it."""
+    """A finished transaction of PKW or S7, as its findings refer to it."""
 
     order: int
     device: str
@@ -168,11 +168,11 @@ class _Over:
 
 
 _RULES = {PKW: ("DS50", "DS51"), PZD: ("DS52", "DS53"), S7: ("DS9",)}
-"""How the ids of the rules of a channel begin; all others are about record calls."""
+"""The prefixes of the rules about a channel; most other rules are about record calls."""
 
 
 def rules_of_others(channels: Sequence[str]) -> tuple[str, ...]:
-    """How the ids of the rules begin that are about none of these channels."""
+    """The prefixes of the rules that are about none of these channels."""
     left = [each for channel, ids in _RULES.items() if channel not in channels for each in ids]
     if DS47 not in channels:
         left += [each for each in rules() if each[2] in "12347" and each != OF_THE_RECORDING]
@@ -180,7 +180,7 @@ def rules_of_others(channels: Sequence[str]) -> tuple[str, ...]:
 
 
 def _names(lists: Sequence[ParameterList]) -> Callable[..., object] | None:
-    """Gives a transaction the names that lists have; None where there are none: most captures are read without."""
+    """What gives a transaction the names from lists; None without lists, so that most captures import nothing."""
     if not lists:
         return None
     from ds47.parameters import naming
@@ -208,8 +208,8 @@ class Analysis:
     Args:
         options: choices of the user.
         on_transaction: as for `analyze`.
-        early: is told more, and before `on_transaction`, which there has to be then. The result holds no
-            finding.
+        early: hears more, and earlier than `on_transaction`, which it needs. The result then holds no
+            findings.
     """
 
     def __init__(
@@ -248,7 +248,7 @@ class Analysis:
         self._vendor = self._stations.vendor if options.vendor_id is not None else None
         self._layouts = dict(options.pkw_layouts)
         self._cyclic: Conclusions | None = None
-        """What is in cyclic frames, once anybody has set it up or named it."""
+        """What is in cyclic frames; None until something sets it up or names it."""
         self._events = RecordEvents(index47, self._pairing, options.codec, self._told)
         self._records = RecordCalls(
             self._events,
@@ -269,22 +269,22 @@ class Analysis:
             )
         )  # fmt: skip
         self._lines: ProfibusLine | None = None
-        """What PROFIBUS adds, once a frame of it came."""
+        """What PROFIBUS adds; None until its first frame."""
         self._answers: dict[Job, list[Remark]] = {}
         self._unsure: dict[ArKey, deque[tuple[int, Callable[[], None]]]] = {}
-        """What is to be told of ARs that only a question proves, and since when."""
+        """Calls that wait until an AR with a question has proved itself (P20), each with the time of its event."""
         self._remarks: dict[AnyJob, list[Remark]] = {}
-        """What is wrong with the transport of open jobs."""
+        """The transport findings of open jobs."""
         self._transactions: dict[int, Transaction] = {}
-        """By the order of their jobs; the jobs themselves need not be kept."""
+        """By the order of their jobs, so that the jobs themselves need not be kept."""
         self._unproven: set[str] = set()
-        """Servers of S7 of which nothing showed a drive yet when a job was over."""
+        """S7 servers that were not known as drives yet when one of their jobs was over."""
         self._ended: Counter[tuple[str, str]] = Counter()
         """How many transactions ended, by state and operation."""
         self._objects = DriveObjects()
         self._capture: Capture | Series | None = None
         self._untimed = False
-        """Whether its frames have no times, as those of a log of PROFIBUS may have none."""
+        """Whether its frames have no times, as in some logs of PROFIBUS."""
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
@@ -340,13 +340,13 @@ class Analysis:
 
     @property
     def lacks_connect(self) -> bool:
-        """Whether nobody told what is in cyclic frames: no Connect was seen, and nothing was named."""
+        """Whether cyclic channels are wanted, but no Connect sets one up and none is named by hand."""
         wanted = {PKW, PZD} & set(self._options.channels)
         told = self._cyclic is not None and self._channels().is_set_up
         return bool(wanted) and not (self._options.cyclic or told)
 
     def _relations(self) -> list[Relation]:
-        """The channels in cyclic frames, where any is reported: timelines count in all of them."""
+        """All channels in cyclic frames, if PKW or PZD is reported: timelines refer to them by number."""
         if self._cyclic is None or not {PKW, PZD} & set(self._options.channels):
             return []
         return [each.result() for each in self._channels().relations()]
@@ -371,9 +371,9 @@ class Analysis:
                 self._hear()
 
     def _other(self, frame: Frame) -> Pdu | None:
-        """The PDU that a frame has or completes which is not simply one PDU; None for none.
+        """The PDU in a frame that `from_frame` does not take, or that it completes; None without one.
 
-        Whatever else it brings goes where it belongs.
+        Everything else in the frame goes to the step that takes it.
         """
         if self._s7.frame(frame):
             return None
@@ -386,7 +386,7 @@ class Analysis:
         return None if packet is None else self._brought(packet)
 
     def _brought(self, packet: Packet) -> Pdu | None:
-        """The same of a packet."""
+        """The same for a packet."""
         if packet.kind == "rt":
             if self._cyclic is not None:
                 self._cyclic.channels.frame(packet)
@@ -401,13 +401,13 @@ class Analysis:
         return None
 
     def _given_up(self, packet: Packet, have: int, limit: str = "") -> None:
-        """An IP datagram that nobody waits for any more."""
+        """An IP datagram was given up before it was complete."""
         pdu = parse(packet)
         if pdu is not None:
             self._records.incomplete(GivenUp(pdu, have, limit), "IP", self._calls.open_call(pdu))
 
     def _hear(self) -> None:
-        """What became of jobs, in the order in which it did."""
+        """Processes what the steps have told, in the order in which it happened."""
         for what, about, more in self._told:
             if what == "answered":
                 self._answered(about)
@@ -434,7 +434,7 @@ class Analysis:
         self._told.clear()
 
     def _proof(self, what: str, ar: ArKey) -> None:
-        """What is known of the proof of an AR."""
+        """An AR needs a proof, has it, or is none of a drive: then what waits for the proof is dropped."""
         if what == "questions":
             self._unsure[ar] = deque()
             return
@@ -449,9 +449,9 @@ class Analysis:
         *about: Any,
         refused: bool = False,
     ) -> None:
-        """Tells of a channel, once it is known to be one of DS47 (P20).
+        """Calls `tell` once its channel is known to be one of DS47 (P20).
 
-        Who watches is told sooner: of a refusal at once, of all else when its Read may hardly come any more.
+        A live watch waits less: not at all for a refusal, else until a Read is unlikely to come (`unread_ns`).
         """
         unsure = self._unsure.get(channel[:3]) if self._unsure and channel else None
         if unsure is None or channel is None or channel[-1] != SHARED_INDEX:
@@ -484,7 +484,7 @@ class Analysis:
             self._findings.add(remark)
 
     def _remark(self, remark: Remark) -> None:
-        """A transport finding; where transactions are handed out, it goes with that of its job."""
+        """A transport finding. If transactions are handed out, it goes with that of its job."""
         if remark.rule == "DS107":
             self._diagnoses.steps_back(remark.frame, remark.args["milliseconds"])
         job = remark.job
@@ -547,7 +547,7 @@ class Analysis:
             self._over(job, transaction, remarks)
 
     def _over(self, job: Job, transaction: Transaction, remarks: list[Remark]) -> None:
-        """A transaction is over, and one of DS47."""
+        """A transaction is over, and known to be one of DS47."""
         if not job.known or self._diagnoses.storms:
             self._diagnoses.over(job)
             self._objects.transaction(transaction)
@@ -564,7 +564,7 @@ class Analysis:
         self._hand_out(job.order, transaction, remarks, self._on_transaction)
 
     def _named(self, job: Job) -> Transaction:
-        """The transaction of a job, with the names that lists have."""
+        """The transaction of a job, with the names from lists."""
         transaction = build(job)
         if self._name is not None:
             self._name(transaction, job.peer.vendor_id, job.peer.device_id)
@@ -572,7 +572,7 @@ class Analysis:
 
     def _channels(self) -> CyclicChannels:
         if self._cyclic is None:
-            # long to import, and captures of record calls alone have none
+            # slow to import, and captures of record calls alone need none
             from ds47.cyclic.channels import CyclicChannels
             from ds47.cyclic.conclusions import Conclusions
 
@@ -584,13 +584,13 @@ class Analysis:
         return self._cyclic.channels
 
     def _layout(self, device: str) -> str:
-        """The layout of IND of a device: its own, that of all, or that of cyclic transfer."""
+        """The layout of IND for a device: its own, the one for all others, or that of cyclic transfer."""
         from ds47.cyclic.pkw import CYCLIC
 
         return self._layouts.get(device, self._layouts.get("", CYCLIC))
 
     def _watch(self, watches: Sequence[Watch]) -> None:
-        """Cyclic frames that matter from the next frame on."""
+        """Sets the cyclic frames that matter from the next frame on."""
         if self._capture is not None:
             self._capture.watch(watches)
 
@@ -608,7 +608,7 @@ class Analysis:
         if relation.is_bus:
             unseen = 0 if self._lines is None else self._lines.unseen(relation.device)
             if unseen >= job.request.at.frame:
-                job.heard = False  # its response may be among what was not seen of the line
+                job.heard = False  # its response may be missing from the capture of the line
         order, remarks = self._pairing.number(), self._cyclic.exchanged(relation, job)
         remarks += self._cyclic.transaction(transaction)
         if PKW in self._options.channels:
@@ -616,7 +616,7 @@ class Analysis:
             self._finished(order, transaction, remarks)
 
     def _drive(self, ip: str) -> str | None:
-        """What the capture shows up to now, beside S7 and record calls, that an IP address is a drive or a CPU."""
+        """What shows so far, apart from S7 and record calls, that an IP address is a drive or a CPU."""
         drives = () if self._cyclic is None else self._cyclic.channels.drives()
         if any(each.relation.device == ip for each in drives):
             return "cyclic"
@@ -636,14 +636,14 @@ class Analysis:
         self._finished(job.order, _built_s7(job, of_drive), remarks)
 
     def _proven_late(self) -> None:
-        """Of a drive that showed only later what it is the first jobs are told as elements, too."""
+        """Names elements in the S7 jobs of a drive that were over before it was known as one."""
         late = set(filter(self._s7.is_drive, self._unproven))
         for transaction in self._transactions.values() if late else ():
             if transaction.channel == S7 and transaction.device in late:
                 _name_elements(transaction)
 
     def _finished(self, order: int, transaction: Transaction, remarks: list[Remark]) -> None:
-        """A transaction that is none of records is over."""
+        """A transaction of PKW or S7 is over."""
         self._ended[transaction.state, transaction.operation] += 1
         if self._on_transaction is not None:
             self._hand_out(order, transaction, remarks, self._on_transaction)
@@ -686,7 +686,7 @@ class Analysis:
         self._findings.add(remark)
 
     def _not_asked(self, record: Record, half: Half) -> Remark:
-        """Of a Read that found nothing; what the capture shows since the start-up cannot lie before it."""
+        """The finding for a Read that found nothing: DS808 if nothing was written since the start-up."""
         status, device, index = (
             status_hex(half.status or 0),
             record.peer.device,

@@ -29,7 +29,7 @@ State = Literal[
 """What became of a transaction (docs/pairing.md)."""
 STATES: tuple[State, ...] = get_args(State)
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
-"""From harmless to serious, so that an index compares two of them."""
+"""From harmless to serious: a higher index is more serious."""
 Channel = Literal["ds47", "pkw", "pzd", "s7"]
 """Records, parameters and process data inside cyclic frames, S7 communication."""
 DS47: Final = "ds47"
@@ -38,40 +38,40 @@ PZD: Final = "pzd"
 S7: Final = "s7"
 CHANNELS: tuple[Channel, ...] = (DS47, PKW, PZD, S7)
 DIAGNOSIS = "DS7"
-"""What the id of every diagnosis begins with."""
+"""The prefix of the id of every diagnosis."""
 
 
 @dataclass(slots=True, repr=False, eq=False)
 class ParameterError(Plain):
     """What the drive answered instead of a value (docs/protocol.md A.7, B).
 
-    It has no words but those in English: `ds47.report.sentences` has them in either language.
+    Its `text` is English; `ds47.report.sentences` has both languages.
     """
 
     code: int | None
     info: int | None
     vendor_id: int | None = None
-    """PROFINET vendor id of the device: it decides what the numbers of vendors mean."""
+    """PROFINET vendor id of the device: it decides what a number of the vendor means."""
     said: str | None = None
-    """The text of a stored result, where this version has another one for the number; else None."""
+    """The text in a stored result, if this version has another one for the number; else None."""
     ak: int | None = None
-    """AK of the response where it is one of PKW, which has other numbers (docs/cyclic.md 2); else None."""
+    """AK of a PKW response, which has other error numbers (docs/cyclic.md 2); else None."""
 
     @property
     def number(self) -> str | None:
-        """The error number as manuals print it: `0x11`, of PKW `17`; None where there is none."""
+        """The error number as manuals print it: `0x11`, for PKW `17`; None without one."""
         if self.code is None:
             return None
         return error_hex(self.code) if self.ak is None else str(self.code)
 
     @property
     def text(self) -> str:
-        """What the error number means, in English; empty where there is no number."""
+        """What the error means, in English; empty without a number, except for PKW."""
         return error_words(self, "en")
 
 
 def error_words(item: ParameterError, lang: str) -> str:
-    """What an error number means on the drive that sent it, in "en" or "zh"; empty where there is no number."""
+    """What an error means on the drive that sent it, in "en" or "zh"; `ParameterError.text` is the English one."""
     if item.said is not None:
         return item.said
     if item.ak is None:
@@ -81,10 +81,10 @@ def error_words(item: ParameterError, lang: str) -> str:
 
 
 class Described(NamedTuple):
-    """What the drive has said of a parameter (attribute 0x20), or a list of the user, as far as it is shown.
+    """What the drive (attribute 0x20) or a list of the user says about a parameter, as far as it is shown.
 
-    `name` is None where neither has one; `frames` are those of the responses that say the name and the unit, none
-    where only a list does.
+    `name` is None if neither names it. `frames` are the responses that say the name and the unit; empty if only
+    a list says them.
     """
 
     name: str | None
@@ -93,14 +93,14 @@ class Described(NamedTuple):
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Parameter(Plain):
-    """One parameter of a transaction; `pnu` and its address are None where no request names them."""
+    """One parameter of a transaction; `pnu` and its address are None if no request names them."""
 
     pnu: int | None
     subindex: int | None
     attribute: str | None
     element_count: int | None
     listed: Pnu | None
-    """What the tables (parameters.toml, drives.toml) say of the PNU on this device; then the report names it."""
+    """The row for the PNU on this device in the tables (parameters.toml, drives.toml)."""
     unit: str | None
     format: str | None
     value_count: int | None
@@ -109,9 +109,9 @@ class Parameter(Plain):
     error: ParameterError | None
     described: Described | None
     told: Mapping[int | None, str] | None
-    """What lists of the user say of single values; under None all that a stored result says of its values."""
+    """Value -> its text in lists of the user. None -> the text for all values, in a stored result."""
     family: str | None
-    """Whose parameters the drive has: "sinamics", "micromaster" or "profile"; None where no drive is named."""
+    """The family of the drive's parameters: "sinamics", "micromaster", "profile"; None if no drive is named."""
 
     def __init__(
         self,
@@ -147,14 +147,14 @@ class Parameter(Plain):
 
     @property
     def name(self) -> str | None:
-        """As the drive or a list calls it; else the name of a listed parameter, in English; None of any other."""
+        """The name from the drive or a list of the user, else the English name in the tables; None without one."""
         if self.described is not None and self.described.name is not None:
             return self.described.name
         return None if self.listed is None else self.listed.name_en
 
     @property
     def described_in(self) -> list[int] | None:
-        """Frames of the descriptions that say its name or unit; None where none does."""
+        """Frames of the descriptions that say its name or unit; None without any."""
         said = self.described
         return None if said is None or not said.frames else list(said.frames)
 
@@ -194,7 +194,7 @@ class Frames(Plain):
         self.rereads = [] if rereads is None else rereads
 
     def first(self) -> int:
-        """The first frame in which the transaction shows, 0 where it has none."""
+        """The first frame of the transaction, 0 if it has none."""
         there = (self.write_request, self.write_response, self.read_request, self.read_response)
         return min(self.all() if self.polls or self.rereads else filter(None, there), default=0)
 
@@ -206,14 +206,14 @@ class Frames(Plain):
 
 
 class Status(NamedTuple):
-    """The PNIO statuses of a transaction as 8 hex digits (docs/protocol.md C); None where none came."""
+    """The PNIO statuses of a transaction as 8 hex digits (docs/protocol.md C); None if none came."""
 
     write: str | None
     read: str | None
 
 
 class Messages(NamedTuple):
-    """The record data of a transaction in hex; None where the capture does not have it."""
+    """The record data of a transaction in hex; None if the capture lacks it."""
 
     request: str | None
     response: str | None
@@ -221,17 +221,17 @@ class Messages(NamedTuple):
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Item(Plain):
-    """One variable of a job of S7, or data that a program sends; what the capture does not have is None."""
+    """One variable of an S7 job, or data that a program sends; None for what the capture lacks."""
 
     address: str | None
     """As programs write it: DB1.DBB0..443."""
     area: str | None
-    """What its addresses begin with: DB, M, I, Q."""
+    """The start of its address: DB, M, I, Q."""
     db: int | None
     start: int | None
-    """Its first byte; of timers and counters the number of the first one."""
+    """Its first byte; for timers and counters, the number of the first one."""
     bit: int | None
-    """The bit in that byte, where it is not about whole bytes."""
+    """The bit in that byte; None for whole bytes."""
     length: int | None
     """Bytes."""
     value: bytes | None
@@ -239,9 +239,9 @@ class Item(Plain):
     code: int | None
     """What the partner answered; 255 is success (docs/s7.md 3)."""
     drive_object: int | None
-    """Where the partner is known as a drive: the one that the address names,"""
+    """The drive object that the address names, if the partner is known to be a drive,"""
     parameter: Parameter | None
-    """and the element of which parameter, with its value."""
+    """and the parameter element that it names, with its value."""
 
     def __init__(
         self,
@@ -270,7 +270,7 @@ class Item(Plain):
 
 @dataclass(slots=True, repr=False, eq=False)
 class Transaction(Plain):
-    """One parameter request with all that came of it (docs/pairing.md), or a job of S7 (docs/s7.md)."""
+    """One parameter request and everything that followed (docs/pairing.md), or an S7 job (docs/s7.md)."""
 
     operation: Operation
     state: State
@@ -278,11 +278,11 @@ class Transaction(Plain):
     device: str
     ar: str | None
     api: int | None
-    """With slot and subslot, None of a channel that was named by hand."""
+    """None on PROFIBUS, like `subslot`. A channel named by hand has no slot either."""
     slot: int | None
     subslot: int | None
     index: int | None
-    """Record index; None of a channel that has none."""
+    """Record index; None for a channel without one."""
     request_reference: int | None
     axis: int | None
     frames: Frames
@@ -301,20 +301,20 @@ class Transaction(Plain):
     id: int = 0
     channel: Channel = DS47
     cycles: int | None = None
-    """From a request in cyclic frames to its response, in cycles; None where they were not seen to begin."""
+    """From a request in cyclic frames to its response, in cycles; None if these cannot be counted."""
     station: int | None = None
     """The address of the device on PROFIBUS; None on PROFINET."""
     connection: int | None = None
-    """Of S7: the id of the connection, and items in the order of the request."""
+    """S7: the id of the connection; `items` are in the order of the request."""
     items: list[Item] = field(default_factory=list)
     r_id: int | None = None
-    """Of BSEND and USEND."""
+    """BSEND and USEND only."""
     error: int | None = None
-    """Of S7: error class and code of the answer as one word, of a BSEND that of an acknowledgement; 0 for none."""
+    """S7: error class and code of the answer (BSEND: of an acknowledgement) as one word; 0 for none."""
     segments: list[Read] = field(default_factory=list)
-    """Of a BSEND: the frames of its segments and of their acknowledgements."""
+    """BSEND: the frames of its segments and of their acknowledgements."""
     drive_object: int | None = None
-    """The number of the drive object that the request reaches; None where the capture does not prove one."""
+    """The number of the drive object that the request reaches; None if the capture does not prove one."""
 
     @property
     def start(self) -> str:
@@ -323,7 +323,7 @@ class Transaction(Plain):
 
     @property
     def start_time(self) -> datetime | None:
-        """The same in UTC, to the microsecond; None in a year that `datetime` has not, as captures may lie."""
+        """The same in UTC, to the microsecond; None in a year beyond `datetime`, because a clock may be wrong."""
         return moment(self.start_ns)
 
     @property
@@ -333,7 +333,7 @@ class Transaction(Plain):
 
     @property
     def status(self) -> Status:
-        """What the Write and the last Read were answered with: `DE80B500`."""
+        """The statuses of the Write and of the last Read: `DE80B500`."""
         return Status(status(self.write_status), status(self.read_status))
 
     @property
@@ -347,23 +347,23 @@ class Transaction(Plain):
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Finding(Plain):
-    """A rule that applies, where it shows, to which transaction it belongs, and the facts that it rests on.
+    """A rule that applies: in which frame, to which transaction, and on which facts.
 
-    It has no words: `ds47.report.sentences` has them, in either language.
+    It has no text: `ds47.report.sentences` words it in either language.
     """
 
     rule: str
     severity: Severity
     frame: int
     frames: list[int]
-    """All frames that it is about, sorted; `frame` is among them."""
+    """All frames that it is about, sorted, including `frame`."""
     transaction: int | None
     offset: int | None
     """Byte of the DS47 message, for rules about a message."""
     args: dict[str, Any]
-    """What spec/rules.toml says that the rule carries, in the units and names of the report."""
+    """The arguments that spec/rules.toml lists for the rule, in the units and names of the report."""
     said: str | None
-    """The sentence of a result of `ds47.report/1`, which has no args; else None."""
+    """The sentence in a result of `ds47.report/1`, which has no args; else None."""
     time_ns: int | None
     """Time of `frame`, nanoseconds since 1970; None where it is not known."""
 
@@ -396,7 +396,7 @@ class Finding(Plain):
 
     @property
     def frame_time(self) -> datetime | None:
-        """The same in UTC, to the microsecond; None in a year that `datetime` has not, too."""
+        """The same in UTC, to the microsecond; None also in a year beyond `datetime`."""
         return None if self.time_ns is None else moment(self.time_ns)
 
     @property
@@ -406,35 +406,35 @@ class Finding(Plain):
 
     @property
     def counted(self) -> list[int]:
-        """The frames in which what is said happened: those of a rule that counts, else `frame` alone."""
+        """The frames in which it happened: the argument `frames` of a rule that counts, else `frame` alone."""
         return self.args.get("frames") or [self.frame]
 
 
 @dataclass(slots=True, repr=False, eq=False)
 class Diagnosis(Plain):
-    """One cause (DS7xx) with all that it explains (docs/diagnoses.md)."""
+    """One cause (DS7xx) and everything that it explains (docs/diagnoses.md)."""
 
     rule: str
     severity: Severity
     args: dict[str, Any] = field(default_factory=dict)
-    """Those of its findings; None for one that is not the same in all of them."""
+    """The arguments of its findings; None for each that differs between them."""
     device: str | None = None
     count: int = 0
     """Findings of this cause."""
     frames: list[int] = field(default_factory=list)
-    """Those that the findings stand on, sorted, each once; of very many the first."""
+    """The frames of the findings, sorted, each once; only the first ones if there are very many."""
     transactions: list[int] = field(default_factory=list)
     """In the order of the findings: the first one belongs to the first frame."""
     corrected: bytes | None = None
-    """A whole request as it should have been, where it can be computed: that of `corrected_in`."""
+    """The whole request as it should have been, if that can be computed."""
     said: str | None = None
-    """As that of a finding."""
+    """As for a finding."""
     differs: list[str] = field(default_factory=list)
-    """The names of those arguments that are not the same in all findings."""
+    """The names of the arguments that differ between the findings."""
     frames_left_out: int = 0
     """Frames for which `frames` has no room."""
     corrected_in: int | None = None
-    """The transaction whose request `corrected` mends."""
+    """The transaction of the request that `corrected` replaces."""
 
 
 @dataclass(slots=True, repr=False, eq=False)
@@ -447,22 +447,22 @@ class Device(Plain):
     vendor_id: int | None = None
     device_id: int | None = None
     assumed_vendor_id: int | None = None
-    """Whose it is where the capture does not show it and a user said so."""
+    """The vendor id that the user gave, if the capture does not show one."""
 
     @property
     def vendor(self) -> int | None:
-        """Whose names and error numbers count for it: as shown, else as assumed."""
+        """The vendor id that decides names and error numbers: as captured, else as assumed."""
         return self.assumed_vendor_id if self.vendor_id is None else self.vendor_id
 
 
 LENGTHS, CONFIGURED, SEEN = "lengths", "configured", "seen"
-"""How sure a relation is: its lengths fit, its configuration says it, or what a drive says was seen in it."""
+"""How sure a relation is: its lengths fit, its configuration says so, or its frames prove a drive."""
 NAMED, ODD, REFUTED = "named", "odd", "refuted"
-"""It was named by hand; its words make no sense then; or one of them is none that a drive has."""
+"""It was named by hand; then its words may make no sense, or no drive has one of them."""
 
 
 class Side(NamedTuple):
-    """One direction of a relation: who sends it, in frames of which id, and its first byte behind that id.
+    """One direction of a relation: its sender, the id of its frames, and its first byte after that id.
 
     On PROFIBUS the sender is a station (`dp2`), and the frames of a data exchange have no id.
     """
@@ -477,10 +477,10 @@ class Side(NamedTuple):
 class Relation(Plain):
     """A channel in cyclic frames, as a Connect sets it up, or as it was named by hand (docs/cyclic.md 5).
 
-    `telegrams` are those that the lengths allow, `frame` is that of the response to the Connect. `certainty` is
-    LENGTHS, SEEN, NAMED, ODD where the words that were named have no sense, REFUTED where no drive has one of
-    them, or CONFIGURED where Chk_Cfg and a known ident number tell that it is PKW, and no request was answered.
-    Of a channel that was named `controller` and `device` are MAC addresses, `frame` is its first one, and what
+    `telegrams` are those that the lengths allow, `frame` is the response to the Connect. `certainty` is LENGTHS,
+    SEEN, NAMED, ODD (the words make no sense), REFUTED (no drive has one of the words), or CONFIGURED (Chk_Cfg and
+    a known ident number show that it is PKW, but no request was answered).
+    For a channel named by hand, `controller` and `device` are MAC addresses, `frame` is its first frame, and what
     only a Connect says is None.
     """
 
@@ -500,10 +500,10 @@ class Relation(Plain):
 
 
 class Sender(NamedTuple):
-    """A station that sends cyclic frames in which no channel is known: its MAC address, and that of the receiver.
+    """A station that sends cyclic frames without a known channel: its MAC address, and that of the receiver.
 
-    `length` is that of the data between frame id and cycle counter, in bytes, as it is on the wire. `word` is
-    STW1 or ZSW1 where its frames, with those that come back, show at which `offset` of them it stands.
+    `length` counts the bytes on the wire between frame id and cycle counter. `word` is STW1 or ZSW1, if its frames
+    and those that come back show the `offset` of that word.
     """
 
     mac: str
@@ -514,15 +514,15 @@ class Sender(NamedTuple):
     offset: int | None = None
 
     def is_answered_by(self, other: Sender) -> bool:
-        """Whether another one sends to this one what this one sends to it."""
+        """Whether `other` sends in the opposite direction, between the same two stations."""
         return (self.mac, self.to) == (other.to, other.mac)
 
 
 class Event(NamedTuple):
     """Something that happened to a drive: an edge of a bit of its words, or data that is no longer valid.
 
-    `word` is "STW1" or "ZSW1", None where it is about no word; `before` and `after` are the whole word. `state`
-    and `overlays` are those of the drive from then on, None where its word is not known. Ids: spec/pzd.toml.
+    `word` is "STW1", "ZSW1", or None without a word; `before` and `after` are the whole word. `state` and
+    `overlays` are those of the drive from then on; `state` is None if its word is unknown. Ids: spec/pzd.toml.
     """
 
     frame: int
@@ -537,7 +537,7 @@ class Event(NamedTuple):
 
 
 class Point(NamedTuple):
-    """Setpoint (as it is effective) or actual value around a time: the least and the most, 16384 is 100 %."""
+    """The effective setpoint, or the actual value, around a time: least and greatest; 16384 is 100 %."""
 
     time_ns: int
     least: int
@@ -546,7 +546,7 @@ class Point(NamedTuple):
 
 @dataclass(slots=True, repr=False, eq=False)
 class Timeline(Plain):
-    """What happened to a drive, as its control and status word say it (docs/cyclic.md 6).
+    """What happened to a drive, according to its control and status words (docs/cyclic.md 6).
 
     `relation` counts from 1 in the relations of the capture.
     """
@@ -556,13 +556,13 @@ class Timeline(Plain):
     events_left_out: int = 0
     """Events for which there was no room."""
     end_ns: int | None = None
-    """Time of the last frame that was looked at."""
+    """Time of the last frame that was evaluated."""
     setpoint: list[Point] = field(default_factory=list)
     actual: list[Point] = field(default_factory=list)
 
 
 class Span(NamedTuple):
-    """The least, the mean and the most of some times, in nanoseconds."""
+    """The least, the mean and the greatest of some times, in nanoseconds."""
 
     least_ns: int
     mean_ns: int
@@ -580,12 +580,12 @@ class Span(NamedTuple):
 
     @property
     def most_ms(self) -> float | None:
-        """The most, in milliseconds."""
+        """The greatest, in milliseconds."""
         return milliseconds(self.most_ns)
 
 
 class StationDiagnosis(NamedTuple):
-    """What a station said last to Slave_Diag (docs/profibus.md 3)."""
+    """The last answer of a station to Slave_Diag (docs/profibus.md 3)."""
 
     frame: int
     flags: list[str]
@@ -598,7 +598,7 @@ class StationDiagnosis(NamedTuple):
 
 
 class BusStation(NamedTuple):
-    """What a station of PROFIBUS did in the capture (docs/profibus.md 7); None is what nobody said."""
+    """What a PROFIBUS station did in the capture (docs/profibus.md 7); None for what the capture does not say."""
 
     address: int
     role: str
@@ -606,19 +606,19 @@ class BusStation(NamedTuple):
     ident: int | None
     """The ident number in Set_Prm, or in Slave_Diag."""
     ppo: int | None
-    """That of Chk_Cfg."""
+    """The PPO number, from Chk_Cfg."""
     watchdog_ms: int | None
-    """As Set_Prm sets it; None where it is off, too."""
+    """As Set_Prm sets it; None also if it is off."""
     requests: int
-    """To it, repetitions and FDL_Status without an answer aside;"""
+    """Requests to it, without repetitions and without FDL_Status that got no answer."""
     unanswered: int
     damaged: int
-    """damaged frames in the place of answers;"""
+    """Damaged frames in place of answers."""
     retries: int
     exchanges: int
-    """data exchanges."""
+    """Data exchanges."""
     outputs: int | None
-    """Bytes to it in the last of them,"""
+    """Bytes to it in the last data exchange,"""
     inputs: int | None
     """and from it."""
     cycle: Span | None
@@ -638,7 +638,7 @@ class BusStation(NamedTuple):
 
 @dataclass(slots=True, repr=False, eq=False)
 class Bus(Plain):
-    """The line of PROFIBUS of a capture. `stray` answers are those that nobody asked for."""
+    """The PROFIBUS line of a capture. `stray` counts answers without a request."""
 
     frames: int
     tokens: int
@@ -648,9 +648,9 @@ class Bus(Plain):
 
 
 class Evidence(NamedTuple):
-    """What a server of S7 says of itself, and where; `name` is "order_number", "module" or "consistent".
+    """What an S7 server says about itself, and where; `name` is "order_number", "module" or "consistent".
 
-    "consistent" is how many bytes it reads consistently for a panel.
+    "consistent": how many bytes it reads consistently for a panel.
     """
 
     name: str
@@ -659,9 +659,9 @@ class Evidence(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What shows that a server of S7 is a drive, and the first address that it has of an element (docs/s7.md 8).
+    """What shows that an S7 server is a drive, and the first address of a parameter element (docs/s7.md 8).
 
-    `proof`: "chosen", "order", "records", "cyclic", "device", "station" or "values"; "addresses" only suggest it.
+    `proof`: "chosen", "order", "records", "cyclic", "device", "station", "values"; "addresses" only suggest it.
     """
 
     proof: str
@@ -673,10 +673,10 @@ class Drive(NamedTuple):
 
 @dataclass(slots=True, repr=False, eq=False)
 class Connection(Plain):
-    """A connection of S7 (docs/s7.md 4); what the capture does not have of it is None."""
+    """An S7 connection (docs/s7.md 4); None for what the capture lacks."""
 
     id: int
-    """From 1, by the first frame; ids of connections that turned out to be of another protocol are left out."""
+    """Counts from 1, by first frame. Connections that turned out to be of another protocol leave gaps."""
     client: str
     client_port: int
     server: str
@@ -684,16 +684,16 @@ class Connection(Plain):
     client_tsap: bytes | None
     server_tsap: bytes | None
     rack: int | None
-    """With slot, as the TSAP of the server has them."""
+    """Rack and slot, from the TSAP of the server."""
     slot: int | None
     pdu_length: int | None
-    """Bytes of a PDU, and parallel jobs, as they were agreed."""
+    """The negotiated bytes of a PDU, and number of parallel jobs."""
     parallel: int | None
     most_open: int
-    """Jobs of one end without an answer, at the most."""
+    """The most jobs of one end that were open at once."""
     jobs: int
     refused: int
-    """Jobs that were refused, or of which an item was."""
+    """Jobs that were refused as a whole or in part."""
     unanswered: int
     orphans: int
     """Answers without a job."""
@@ -709,24 +709,24 @@ class Connection(Plain):
     plus: int
     """PDUs of S7CommPlus."""
     lost_bytes: int
-    """Bytes that the capture does not have."""
+    """Bytes that the capture lacks."""
     first_frame: int
     last_frame: int
     setup: int | None
     """Frame of the answer to the setup."""
     block: int | None = None
-    """Bytes that the server copies at once, as the user says or the server itself; None where nobody does."""
+    """Bytes that the server copies at once, according to the user or the server; None if unknown."""
     evidence: list[Evidence] = field(default_factory=list)
     drive: Drive | None = None
-    """What shows that the server is a drive; None where nothing does."""
+    """What shows that the server is a drive; None for nothing."""
 
 
 @dataclass(slots=True, repr=False, eq=False)
 class CaptureFile(Plain):
-    """A file of a series that was read as one capture; frames are numbered through all of them.
+    """One file of a series that was read as one capture; frame numbers run through all files.
 
-    `missing_before` files of the series are not there: before the first those that a ring buffer has
-    written over, before another one those that somebody took away.
+    `missing_before`: how many files are missing before it. Before the first one, a ring buffer has overwritten
+    them; before another one, somebody has removed them.
     """
 
     path: str
@@ -736,37 +736,37 @@ class CaptureFile(Plain):
     problem: str | None = None
     sha256: str | None = None
     readable: bool = True
-    """False where nothing of it could be read."""
+    """False if nothing of it could be read."""
 
 
 @dataclass(slots=True, repr=False, eq=False)
 class Narrowed(Plain):
-    """Of how much a result shows a part only, and which (`ds47.report.narrowing`)."""
+    """Which part of a capture a result shows (`ds47.report.narrowing`)."""
 
     criteria: str
     """As options of the command line."""
     transactions: int
-    """So many the capture has,"""
+    """How many the whole capture has,"""
     findings: int
-    """and so many findings."""
+    """and how many findings."""
     unproved: int = 0
-    """Transactions that may be of the drive object that is asked for, and are not shown: nothing proves it."""
+    """Transactions left out that may belong to the chosen drive object, because nothing proves it."""
 
 
 @dataclass(slots=True, repr=False, eq=False)
 class CaptureResult(Plain):
-    """All that one capture says. `files` only for a series, `relations` where cyclic frames have channels.
+    """All that one capture says. `files` only for a series, `relations` only if cyclic frames have channels.
 
-    `timelines` are those of the drives among them. `senders` are those of cyclic frames whose Connect is missing.
+    `timelines` are those of the drives among them. `senders` send cyclic frames, but their Connect is missing.
     """
 
     path: str
     sha256: str | None = None
     frames: int = 0
     start_ns: int | None = None
-    """Time of the first frame, whatever it holds; nanoseconds since 1970. None where there is none."""
+    """Time of the first frame, whatever it holds; nanoseconds since 1970. None without frames."""
     end_ns: int | None = None
-    """The same of the last frame. None also in a result that was stored before it was kept."""
+    """Likewise for the last frame. None also in old stored results, which lack it."""
     complete: bool = True
     problem: str | None = None
     dropped: int | None = None
@@ -788,11 +788,11 @@ class CaptureResult(Plain):
     connections_left_out: int = 0
     """Connections of S7 for which there was no room."""
     others: dict[str, int] = field(default_factory=dict)
-    """What the first frames are, by kind, where nothing is PROFINET, PROFIBUS or S7."""
+    """The kinds of the first frames, if nothing is PROFINET, PROFIBUS or S7."""
     narrowed: Narrowed | None = None
-    """None where all of it is here."""
+    """None if everything is here."""
     whole: CaptureResult | None = None
-    """All of a capture that is narrowed: what it proves holds for what is shown."""
+    """The whole result, if this one is narrowed: what it proves also holds for the part that is shown."""
 
     @property
     def nothing(self) -> bool:
@@ -811,17 +811,17 @@ class CaptureResult(Plain):
 
     @property
     def entire(self) -> CaptureResult:
-        """What proves what is what, whether it is shown or not."""
+        """The whole result, whether it is shown or not: proofs come from all of it."""
         return self if self.whole is None else self.whole
 
     def device(self, name: str) -> Device:
-        """A device by its IP address, or by its MAC address where a channel was named by hand."""
+        """A device by its IP address, or by its MAC address if a channel was named by hand."""
         known = (each for each in self.devices if name in (each.ip, each.mac))
         return next(known, None) or Device(name)
 
     @property
     def evidence(self) -> list[Transaction]:
-        """All transactions, those that are not shown too."""
+        """All transactions, including those that are not shown."""
         return self.entire.transactions
 
     @property
@@ -836,12 +836,12 @@ class CaptureResult(Plain):
 
     @property
     def lacking(self) -> str | None:
-        """Why it was not read to its end; None where it was."""
+        """Why it was not read to its end; None if it was."""
         return None if self.complete else self.problem or "only partly read"
 
     @property
     def missing_files(self) -> list[int]:
-        """How many files of a series are missing before each that is there."""
+        """How many files of a series are missing before each file that is there."""
         return [file.missing_before for file in self.files]
 
 

@@ -1,8 +1,8 @@
 -- Judgement: a job, its request and its response to findings (spec/rules.toml has the catalogue).
 --
--- Everything that compares a request with its response, or a transaction with its history, stands here. What
--- is wrong inside one message is found by the codec (flaws) and only passed on; what is wrong with the
--- transport is reported by record_calls.lua and record_events.lua.
+-- Compares a request with its response, and a transaction with its history. The codec finds what is wrong
+-- inside one message (flaws); that is only passed on. record_calls.lua and record_events.lua report what is
+-- wrong with the transport.
 --
 -- A remark is a finding in the making: {rule, frame, args, offset, order of its job}. The args of each rule
 -- are in spec/rules.toml.
@@ -28,7 +28,7 @@ local VALUE = tables.layouts.ADDRESS_VALUE
 local NONE = {} -- no remarks; most jobs have none
 local WRONG_COUNT = 0x18 -- the number of values does not fit (docs/protocol.md A.7)
 local TOO_MANY = "DS304" -- more parameters than usual
--- Flaws of which a message that the capture cut shows nothing: pad, bytes left over or missing, error block.
+-- Flaws that do not count in a message cut by the capture: pad, bytes left over or missing, error block.
 local ABSENT = {DS311 = true, DS313 = true, DS314 = true, DS315 = true, DS412 = true}
 
 --- A remark. `args` may be nil; `offset` is the 0-based byte of the message, nil where there is none.
@@ -53,8 +53,8 @@ end
 -- Whether bytes of a request and of its response are there, and differ.
 local function differ(sent, got) return sent ~= got and sent ~= nil and got ~= nil end
 
---- Whether the response cannot be the answer to the request (docs/pairing.md, states). What of the two
--- headers the capture cut off speaks against nothing.
+--- Whether the response cannot be the answer to the request (docs/pairing.md, states). Header fields that the
+-- capture cut off do not count.
 function M.is_mismatch(job)
   local request, response = job.message, job.response
   if request == nil or response == nil then
@@ -76,8 +76,8 @@ end
 
 local is_mismatch = M.is_mismatch
 
---- The drive's share of the duration, nanoseconds: without the pause the program made before its first Read.
--- nil where that is not known: the duration, when the Write was accepted, when the first Read was asked for.
+--- The drive's share of the duration, in nanoseconds: without the pause of the program before its first Read.
+-- nil if the duration, the time of the Write response or that of the first Read request is unknown.
 function M.drive_time_ns(job)
   local accepted, read = job.write_response, job.read_response
   local write = job.message and job.record.request
@@ -91,8 +91,8 @@ function M.drive_time_ns(job)
   return read.time_ns - write.time_ns
 end
 
--- What is wrong inside a message; what the capture cut off is no fault of it.
--- `most`: how many parameters the device has shown to take; nil for the usual number.
+-- Adds what is wrong inside a message; what the capture cut off is not its fault.
+-- `most`: the most parameters that the device is known to take; nil for the usual number.
 local function put_flaws(remarks, flaws, half, most)
   for number = 1, #flaws do
     local flaw = flaws[number]
@@ -112,8 +112,8 @@ Judge.__index = Judge
 
 --- Judges jobs; keeps the little history that some rules need.
 -- @param limits   the numbers of tables.limits
--- @param slow_ns  from which share of the drive a transaction is slow, nanoseconds
--- @param unseen   whether a change may have come behind a frame that nobody has told of (readback.lua)
+-- @param slow_ns  a transaction is slow if the drive's share is longer, nanoseconds
+-- @param unseen   whether an unknown change may have come after a frame (readback.lua)
 function M.new(limits, slow_ns, unseen)
   return setmetatable({
     limits = limits,
@@ -121,7 +121,7 @@ function M.new(limits, slow_ns, unseen)
     written = readback.new(limits.written_values, unseen),
     longest = ordered.new(), -- device -> longest message it takes
     most = ordered.new(), -- device -> most parameters of one request
-    misfits = ordered.new(), -- place -> the last change whose number of values was refused
+    misfits = ordered.new(), -- place -> the last change that was refused for its number of values
     blank = {}, -- where the remarks of the next job go; made anew only when it had some
   }, Judge)
 end
@@ -135,9 +135,9 @@ local function owned(self, job)
   return remarks
 end
 
--- What is to be said of a job, by what it is about
+-- The findings about a job, by topic
 
--- How many parameters of one request the device takes, as far as it has shown; nil: not at all.
+-- The most parameters of one request that the device is known to take; nil if unknown.
 local function most_parameters(self, job)
   local request, response, most = job.message, job.response, self.most:get(job.peer.device)
   if request == nil or response == nil or is_mismatch(job) then return most end
@@ -146,7 +146,7 @@ local function most_parameters(self, job)
   return most
 end
 
--- `most`: how many parameters are not too many; nil: as many as the device has shown to take.
+-- `most`: how many parameters are not too many; nil: as many as the device is known to take.
 local function put_request(self, remarks, job, most)
   local message = job.message
   local half = message and job.record.request
@@ -171,7 +171,7 @@ local function put_reads(remarks, job)
   for number = 1, #empty_reads do put(remarks, "DS207", empty_reads[number].frame) end
 end
 
--- How a response comes to stand alone: a key of tables.diagnosis_words, and the request before it.
+-- Why a response has no request: a key of tables.diagnosis_words, and the request before it.
 local function unasked(job)
   if job.record.implicit then return {case = job.repeats and "unasked_again" or "unasked_without_ar"} end
   return {case = job.previous and "unasked_behind" or "unasked", first = job.previous}
@@ -197,8 +197,8 @@ end
 
 local function family_of(peer) return dictionary.family_of(peer.vendor_id, peer.family) end
 
--- Fewer or more values than were asked for. Count 0 asks for the whole simple parameter, one value at least;
--- a string has as many values as characters.
+-- Finds fewer or more values than requested. Count 0 asks for a whole parameter without index: at least one
+-- value; a string has one for each character.
 local function put_count(remarks, frame, job, block, address)
   local asked, got, rule = max(1, address.element_count), block.value_count, nil
   if got < asked then
@@ -290,7 +290,7 @@ local function learn_limit(self, job)
   end
 end
 
--- A change that is accepted differs from one that was refused in nothing but its length.
+-- Finds an accepted change that differs from a refused one only in its length (DS419).
 local function put_other_length(self, remarks, job)
   local record, response = job.record, job.response
   local half, id = record.request, response and response.response_id
@@ -330,7 +330,7 @@ end
 --- A Connect to a device.
 function Judge:connected(device, frame) self.written:connected(device, frame) end
 
---- What its response, and the values in it, say of a job: an array of remarks.
+--- The findings about the response of a job and its values: an array of remarks.
 -- To be called in the order of the capture.
 function Judge:answered(job)
   local remarks, stray, request = self.blank, is_mismatch(job), job.message
@@ -345,7 +345,7 @@ function Judge:answered(job)
     self.written:settled(job, stray)
     if not stray then put_other_length(self, remarks, job) end
   elseif operation == "read" and not stray then
-    local found = self.written:read(job) -- that is not what was written last
+    local found = self.written:read(job) -- values that differ from the last written ones
     for number = 1, #found do
       put(remarks, "DS417", job.read_response.frame, found[number].args, found[number].offset)
     end
@@ -355,14 +355,14 @@ function Judge:answered(job)
   return owned(self, job)
 end
 
---- What is to be said of a job that is closed without a response: an array of remarks.
+--- The findings about a job that is closed without a response: an array of remarks.
 -- @param dropped  whether the capture says that frames are missing
 function Judge:unanswered(job, dropped)
   if is_change(job) then self.written:settled(job, false) end
   return self:left_open(job, dropped)
 end
 
---- The same of one that is open when the capture ends; changes nothing.
+--- The same for a job that is open when the capture ends; changes nothing.
 function Judge:left_open(job, dropped)
   local remarks = self.blank
   put_request(self, remarks, job)
@@ -384,7 +384,7 @@ function Judge:left_open(job, dropped)
   return owned(self, job)
 end
 
---- What is certain of a job that still waits: an array of remarks.
+--- The findings that are certain for a job that still waits: an array of remarks.
 function Judge:certain(job)
   local remarks = self.blank
   put_request(self, remarks, job, huge) -- the drive may yet answer all of them
@@ -393,7 +393,7 @@ function Judge:certain(job)
   return owned(self, job)
 end
 
---- What its Write response says of a job: a remark or nil. It may come after the Read.
+--- The finding about the Write response of a job, which may come after the Read; nil for none.
 function Judge:closed(job)
   local half = job.write_response
   if half == nil or half.status == nil or half.status == 0 then return nil end

@@ -28,9 +28,8 @@ local function is_believed(job)
   return whole and READ[response.response_id] == true and not rules.is_mismatch(job)
 end
 
---- What the drive has said up to now of the parameters whose values a job is about: `job.meanings`, by their
--- number; nil where it has said nothing of any. Asked when there is the request, when there is the response,
--- and when a job is over without one.
+--- Notes on a job what the drive has said so far about its parameters: `job.meanings`, by their number; nil
+-- if it has said nothing. Called with the request, with the response, and when a job is over without one.
 function M.ask(dictionary, job)
   if dictionary.is_empty or job.message == nil then return end
   local access, peer, found = drive_objects.access(job), job.peer, {}
@@ -43,7 +42,7 @@ function M.ask(dictionary, job)
   job.meanings = next(found) and found or nil
 end
 
---- A job has its response: what it describes is learned, and what its parameters are is asked.
+--- A job has its response: learns its descriptions, then looks its parameters up.
 function M.answered(dictionary, job)
   local request = job.message
   if request and request.operation == "read" and has_description(request.addresses) and is_believed(job) then

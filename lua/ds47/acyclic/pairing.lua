@@ -1,8 +1,8 @@
 -- Pairing on the DS47 level: Writes and Reads of one channel to jobs (docs/pairing.md).
 --
--- A job is a transaction in the making. Its life is the table `tables.phases`; the only thing decided here
--- is to which job a record call belongs. Nothing is decoded beyond what a caller hands in, and nothing is
--- judged: judge.lua does that when the listener is told `answered` and `closed`.
+-- A job is a transaction in the making. Its life is the table `tables.phases`. This module only decides which
+-- job a record call belongs to. It decodes nothing and judges nothing: judge.lua does that when the listener
+-- hears `answered` and `closed`.
 
 local kind_fits = require("ds47.profidrive.parameter").kind_fits
 local flat = require("ds47.support.flat").copy
@@ -16,20 +16,20 @@ local M = {}
 
 --- State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1).
 M.STATUS_NOT_READY = 0xDE80B500
---- State conflict on a Write: the device still works on another request.
+--- State conflict on a Write: the device is still working on another request.
 M.STATUS_IN_USE = 0xDF80B500
 
 local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
 local is_untold = records.is_untold
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, tables.limits.reads
--- Length error on a Read: the response is longer than what it asks for (docs/protocol.md E.1).
+-- Length error on a Read: the response is longer than the Read allows (docs/protocol.md E.1).
 local STATUS_SHORT = 0xDE80B100
 local PHASES = tables.phases
 local KIND_END = 2 -- bytes of a message up to the end of its ID
 local setmetatable = setmetatable
 
--- Jobs: the halves of the record calls of one transaction, and what pairing learnt of it.
--- `response` is decoded by whoever is told of the answer; `message` is nil for an orphan.
+-- Jobs: the halves of the record calls of one transaction, and what pairing has found out about it.
+-- The listener decodes `response`; `message` is nil for an orphan.
 
 local Job = {}
 Job.__index = Job
@@ -39,37 +39,38 @@ M.Job = Job
 local NONE = {}
 local NO_KEYS = ordered.new()
 Job.write_refused = false -- whether the Write was answered with a negative status or an RPC fault
-Job.polls = NONE -- Reads that left it open: array of {request = half or nil, response = half}
+Job.polls = NONE -- Reads that left the job open: array of {request = half or nil, response = half}
 Job.rereads = NONE -- the same
 Job.empty_reads = NONE -- array of halves
-Job.calls = NONE -- what was said of its calls (DS101, DS103, DS104, DS108): array of {rule, frame}
+Job.calls = NONE -- the findings about its calls (DS101, DS103, DS104, DS108): array of {rule, frame}
 Job.reason = ""
-Job.again = "" -- of the first re-read, how it came about: a key of tables.diagnosis_words
+Job.again = "" -- what led to the first re-read: a key of tables.diagnosis_words
 -- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
---   previous: frame of the request before it on its channel, as far as the capture shows
+--   previous: frame of the previous captured request on its channel
 --   superseding: the request that displaced this one; until it is closed
---   rival: whose request was open when this one was turned away as in conflict with another; the same
---   alone: true where it was turned away so, and it is known that no request was open
---   refused_behind: the newer Write that was refused before the first Read: what is read may be for that one
---   repeats: frame of an earlier response that was read once more where a new one was due
---   between: the Write without its response before the first re-read, which may be the response to it
+--   rival: the job that was open when this Write was refused with a state conflict; until it is closed
+--   alone: true if this Write was refused with a state conflict although no request was open
+--   refused_behind: a newer Write that was refused before the first Read: the Read may be for that one
+--   repeats: frame of an earlier response that came again instead of a new one
+--   between: the unanswered Write before the first re-read: the re-read may be for that Write
 --   ended: frame that ended the connection while the request was open
 --   limit: name of the limit that pushed it out: a response may still come
---   passed: true for a Write that waited for its response when no request was said to be open (P28)
---   contested: true where a record that went to an older request may be the response to this one (P72)
---   remarks: what its answer says of it, until it is closed; whoever is told of the answer keeps it there
---   fetching: array of the Reads that were sent for it and have no response up to now; nil for none
---   read_before: true where an earlier Read that is not in the capture may have brought the response
+--   passed: true if it turned out, while this Write waited for its response, that no request is open (P28)
+--   contested: true if a record that went to an older request may be the response to this one (P72)
+--   remarks: the findings about its response, until it is closed; the listener keeps them here
+--   fetching: array of its Reads that have no response yet; nil for none
+--   read_before: true if a missing or incomplete Read may have fetched the response earlier
 --   uncounted: true for the first one on its channel, if another channel of its AR had its reference last
---   twice: frame of a call of it with two responses, of which the client may have either; nil for none
---   hasty: true where its Read was sent before the response to its Write, though its client waits as a rule
---   untold: frame that the capture cut off before it says what is asked, or what became of a call; nil: none
---   written_again: frame of the Write that asked for the same while this one had no response: it was accepted
---   crossed: {first, last}, frames of two Writes, one of them this, accepted in the other order (P27)
---   missing: why nobody knows what became of it, {what, first, last, numbers} (completeness.lua, P73)
---   uncertain: true for an orphan whose request a limit may have pushed out
+--   twice: frame of one of its calls with two responses: the client may have got either; nil for none
+--   hasty: true if its Read came before its Write response, although its client usually waits
+--   untold: frame that the capture cut off before the request, or the outcome of a call, is known; nil: none
+--   written_again: frame of an accepted Write with the same request, sent while this one had no response
+--   crossed: {first, last}, frames of two Writes, including this one, with responses in reverse order (P27)
+--   missing: what the capture lacks, so that nobody knows the outcome: {what, first, last, numbers}
+--     (completeness.lua, P73)
+--   uncertain: true for an orphan if a limit may have pushed out its request
 
--- A job on a channel. A Write has the reference that was asked for before it there, and its frame.
+-- A job on a channel. A Write also has the reference and the frame of the request before it there.
 local function new_job(self, channel, peer, record, message, previous_reference, previous)
   local order = self.count + 1
   self.count = order
@@ -81,7 +82,7 @@ local function new_job(self, channel, peer, record, message, previous_reference,
   }, Job)
 end
 
---- Notes what is said of a call of this job.
+--- Notes a finding about a call of this job.
 function Job:note_call(rule, frame)
   if self.calls == NONE then self.calls = {} end
   self.calls[math.min(#self.calls + 1, MOST_READS)] = {rule = rule, frame = frame}
@@ -102,10 +103,10 @@ function Job:fetched(half)
   end
 end
 
---- The half of the Write request that asked; nil for an orphan.
+--- The half of the Write request; nil for an orphan.
 function Job:write_request() return self.message and self.record.request end
 
---- Whether the capture shows what the Write was answered.
+--- Whether the capture shows the answer to the Write.
 function Job:write_told() return self.write_response ~= nil and not is_untold(self.write_response) end
 
 local function polls_with(job, status)
@@ -114,18 +115,18 @@ local function polls_with(job, status)
   return reads
 end
 
---- The Reads that came before its response was ready.
+--- The Reads that came before the response was ready.
 function Job:not_ready() return polls_with(self, STATUS_NOT_READY) end
 
---- The Reads that asked for fewer bytes than its response has.
+--- The Reads that asked for fewer bytes than the response has.
 function Job:too_short() return polls_with(self, STATUS_SHORT) end
 
---- The request reference that was sent; nil where it is not known.
+--- The request reference; nil if it is unknown.
 function Job:reference() return self.message and self.message.request_reference end
 
 -- Keys
 
--- What is one place of a device, whoever asks there.
+-- The key of a place on a device, for any controller and AR.
 local function place_key(peer, record) return record.api .. record.spot .. peer.device end
 
 -- Small things
@@ -139,16 +140,16 @@ local function read_event(half)
   return half.cut and "read_cut" or "read_empty"
 end
 
--- Whether a record came of which the capture cut off even what kind of response it is.
+-- Whether the capture cut off the record so early that the kind of response is unknown.
 local function is_headless(half) return half.cut and (half.status or 0) == 0 and #half.data < KIND_END end
 
--- The newest Write without its response that a Read may ask for: none was accepted after it. nil for none.
+-- The newest unanswered Write, if a Read may be for it: no later one was accepted. nil for none.
 local function waiting_of(channel)
   local newest = channel.asked[#channel.asked]
   return newest and not newest.passed and newest.order > channel.accepted and newest or nil
 end
 
--- No request is open: of the Writes that wait for their responses none is answered any more.
+-- No request is open: a Read no longer counts as the answer to a Write that waits for its response.
 local function pass_over(channel)
   for _, job in ipairs(channel.asked) do job.passed = true end
 end
@@ -156,10 +157,10 @@ end
 -- The bytes that were read last; nil without a job or a response.
 local function bytes(job) return job and job.read_response and job.read_response.data end
 
--- Whether two records have the same bytes; of cut ones the same length, and the same as far as they go.
+-- Whether two records have the same captured bytes, and lack equally many.
 local function is_same(one, other) return one.data == other.data and one.missing == other.missing end
 
--- Whether a record is the last one once more, of which less may have been read.
+-- Whether a record repeats the last one of its channel, which may have been read only in part.
 local function is_last(channel, half)
   local last = channel.last and channel.last.read_response
   local before = last and last.data or ""
@@ -167,7 +168,7 @@ local function is_last(channel, half)
   return last.cut and is_same(last, half) or not last.cut and half.data:sub(1, #before) == before
 end
 
--- The reads of one transaction: of more than MOST_READS the first and the newest are kept.
+-- Keeps a Read of a job; beyond MOST_READS the newest replaces the last one kept.
 local function keep(job, name, read)
   local reads = job[name]
   if reads == NONE then
@@ -185,33 +186,33 @@ Pairing.__index = Pairing
 
 --- Takes record calls in the order of the capture and keeps the jobs of every channel.
 -- @param limits    the numbers of tables.limits
--- @param listener  told `asked(job)` of each Write request; `refused(job)` when a Write was refused;
---   `connected(device, frame)` of each Connect; `answered(job)`, once, when a job has its response;
+-- @param listener  hears `asked(job)` for each Write request; `refused(job)` when a Write was refused;
+--   `connected(device, frame)` for each Connect; `answered(job)`, once, when a job has its response;
 --   `closed(job)`, once, when nothing more can come; `late(job)` before a Write response changes a closed
---   one; `nothing_to_read(peer, record, missing)` for a Read without record on a channel without a request
--- @param completeness  what is missing of what stations say to each other; nil for nothing
+--   one; `nothing_to_read(peer, record, missing)` for a Read that brought no record, with no request open
+-- @param completeness  knows what the capture lacks; nil: it lacks nothing
 function M.new(limits, listener, completeness)
   return setmetatable({
     completeness = completeness, limits = limits, expiry_ns = limits.transaction_expiry_ns,
     listener = listener,
-    channels = ordered.new(), -- channel key -> channel, the one that was touched last goes last
+    channels = ordered.new(), -- channel key -> channel, the one that was touched last is last
     of_ar = {}, -- AR key -> its channel keys, in the order of first sight
-    of_place = {}, -- place -> its channel keys, whoever asks there, in the order of first sight
-    delivered = ordered.new(), -- place -> its newest accepted request whose response was read, whoever asked
+    of_place = {}, -- place -> its channel keys for any controller and AR, in the order of first sight
+    delivered = ordered.new(), -- place -> its newest accepted request that got its response, for any AR
     connects = ordered.new(), -- AR key -> its newest Connect, {frame, time_ns}
-    starts = ordered.new(), -- station of PROFIBUS -> when it got its parameters last, {frame, time_ns}
-    connected_ars = ordered.new(), -- controller and device -> the newest AR of which they have one
-    replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> by what
-    any_replaced = false, -- whether there may be one: seldom, and asked for every record
+    starts = ordered.new(), -- PROFIBUS station -> when it last got its parameters, {frame, time_ns}
+    connected_ars = ordered.new(), -- controller and device -> the newest AR of cyclic data
+    replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> the Connect
+    any_replaced = false, -- whether there may be one: rare, but every record asks for it
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,
-    -- What the caller's last step touched in its frame, and not in those of messages that waited for their AR
-    -- to prove itself; he tells that frame, and sets the count to 0, before it.
+    -- The jobs that the last step of the caller touched in `frame`, not in the frames of messages that waited
+    -- for a proof of their AR. The caller sets `frame`, and the count to 0, before each step.
     frame = nil, touched_count = 0, touched_jobs = {}, touched_roles = {},
   }, Pairing)
 end
 
--- For `Analysis:touched`: in arrays of its own, so that nothing is made for it on the way of a frame.
+-- For `Analysis:touched`. The arrays are reused, so that a frame creates no garbage.
 local function touch(self, job, role, half)
   if half.frame == self.frame then
     local count = self.touched_count + 1
@@ -220,7 +221,7 @@ local function touch(self, job, role, half)
   end
 end
 
--- A job of which something is missing tells the Read that was sent for it.
+-- A job that lacks something shows the Read that was sent for it.
 local function tell_read(job)
   if job.missing and job.fetching and job.read_request == nil then job.read_request = job.fetching[1] end
 end
@@ -234,8 +235,8 @@ local function end_job(self, job, event)
   end
 end
 
--- The Connect of its AR that came after the request of a job, its frame and its time; nil for none, or for
--- none `before` another request. Of an AR that proves itself late the Connects are known first.
+-- The Connect that set up the AR of a request again, {frame, time_ns}; nil if there is none, or none `before`
+-- another request. If an AR proves itself late, its Connects are known before its requests.
 local function connected_since(self, job, before)
   local asked = job:write_request()
   local key = ar_key(job.peer, job.record)
@@ -248,7 +249,7 @@ end
 
 -- What is not in the capture (P73)
 
--- What may be missing behind a frame of what the controller sent.
+-- What may be missing of the controller's calls after a frame.
 local function behind(self, peer, frame, lost, in_order)
   if not self.completeness then return nil end
   if peer.station then
@@ -257,30 +258,30 @@ local function behind(self, peer, frame, lost, in_order)
   return self.completeness:behind(peer.controller, peer.device, frame, lost, in_order)
 end
 
--- Whether a response behind a later call is a second one, as far as the habit of the client tells.
+-- Whether the client usually waits, so that a response after its next call is a second copy.
 local function waits(self, peer)
   local known = self.completeness
   return known and known:waits(peer.controller, peer.device)
 end
 
---- Whether something that a controller asked of a device may be missing behind a frame.
+--- Whether a call of a controller to a device may be missing after a frame.
 function Pairing:may_lack(peer, frame) return behind(self, peer, frame) ~= nil end
 
--- What may be missing behind a frame of what was asked for on a channel; behind 0 the begin of the capture.
+-- What may be missing of the requests on a channel after a frame; 0: from before the capture.
 local function asked_behind(self, peer, channel, since, in_order)
   if channel.unseen > since then return {what = "requests"} end
   return since == 0 and {what = "begins"} or behind(self, peer, since, nil, in_order)
 end
 
--- The frame in which nothing was open on a channel before a Read; 0 where none is known. A Connect may be
--- behind it: what is known of an AR that proves itself late is told late.
+-- The newest frame before a Read at which nothing was open on a channel; 0 if none is known. The newest
+-- Connect may be after the Read, if the AR proves itself late. It does not count then.
 local function free_since(self, channel, read)
   local connect = self.connects:get(channel.ar_key)
   return math.max(channel.ended, connect and connect.frame < read.frame and connect.frame or 0)
 end
 
--- What may be missing that is open on a channel where nothing is, as far as the capture shows (P78).
--- A program goes on reading behind a Connect what it asked for before.
+-- Which missing request may be open on a channel, if the capture shows none (P78).
+-- A program goes on reading after a Connect what it asked for before.
 local function may_be_open(self, peer, channel, half)
   local since = channel.ended > 0 and channel.ended or free_since(self, channel, half)
   local missing = asked_behind(self, peer, channel, since)
@@ -291,7 +292,7 @@ local function may_be_open(self, peer, channel, half)
   return missing
 end
 
--- Whether so little of what the controller sent came behind a request that its Read may still come.
+-- Whether the controller's calls end so soon after a request that its Read may still come.
 local function ends_soon(self, peer, asked, newest_ns)
   if not peer.station and self.completeness then
     newest_ns = self.completeness:spoke_ns(peer.controller, peer.device)
@@ -299,10 +300,10 @@ local function ends_soon(self, peer, asked, newest_ns)
   return newest_ns == nil or newest_ns - asked.time_ns < self.limits.unread_ns
 end
 
--- Why a request is over without its response -> what is not in the capture then.
+-- Why a request is over without its response -> the key of what the capture lacks.
 local ENDS = {["end"] = "ends", expired = "unseen", later = "later", unseen = "unseen"}
 
--- That nobody knows what a Write was answered.
+-- The capture lacks the answer to a Write, or has cut it off.
 local function unanswered(job, asked)
   local half = job.write_response
   return half and {what = "cut_off", first = half.frame} or {what = "write_answer", first = asked.frame}
@@ -321,7 +322,7 @@ local function lacks_calls(self, job, asked, lost)
   return found
 end
 
--- Why nobody knows whether the response of a job was fetched, or came; nil where that is known.
+-- What the capture lacks, so that nobody knows whether the response of a job came; nil for nothing.
 -- @param newest_ns, lost  at the end of the capture: its time, and whether a call is open
 local function lacks(self, job, reason, newest_ns, lost)
   local asked = job:write_request()
@@ -336,7 +337,7 @@ local function lacks(self, job, reason, newest_ns, lost)
   return ENDS[reason] and {what = ENDS[reason]} or nil
 end
 
--- Where a Read was too short for a response, and none brought it, the request ends with that refusal (P34).
+-- If a Read was too short and no later one brought the response, that refusal is the answer (P34).
 -- @param lost  as for `lacks`
 local function refused_at_last(self, job, lost)
   local short = job.read_response == nil and job.polls[1] and job:too_short() or NONE
@@ -360,7 +361,7 @@ local function lose(self, job, reason, at)
   end_job(self, job, "lost")
 end
 
--- A response that is not in the capture came behind the last one, or what is read may be of either.
+-- Closes the last answered job: a missing one came after it, or the next record may be for either.
 local function forget_last(self, channel)
   if channel.last then
     lose(self, channel.last, "")
@@ -368,13 +369,13 @@ local function forget_last(self, channel)
   end
 end
 
--- From now on nothing that is read is the response to the refused Write.
+-- The Read was not for the refused Write: no later Read is either.
 local function leave_refused(self, channel)
   lose(self, channel.refused, "")
   channel.refused = nil
 end
 
--- Nothing more is known of a job from now on, and not because nothing came.
+-- A limit closes a job: its response may still come.
 local function push_out(self, job, limit)
   if job.read_response == nil and not job.write_refused then
     job.limit, self.forgot_requests = limit, true
@@ -405,7 +406,7 @@ local function may_be_displaced(channel)
   return channel.open ~= nil and newest ~= nil and channel.open.order < newest.order
 end
 
--- Job -> why it has no response, where its channel went on before the capture ended.
+-- Job -> why it has no response, for jobs whose channel went on before the capture ended.
 local function at_the_end(channel)
   local why, newest = {}, channel.asked[#channel.asked]
   for _, job in ipairs(channel.asked) do why[job] = job ~= newest and "unseen" or nil end
@@ -456,9 +457,9 @@ local function new_channel(self, key, peer, record)
     written = nil, -- and its frame
     accepted = 0, -- `order` of the newest Write that was accepted
     heard = 0, -- frame of the newest record that was read
-    unasked = 0, -- frame of the newest Write response whose request is not in the capture
-    unseen = 0, -- the same, of one that was accepted: it displaced what was open
-    ended = 0, -- frame of the newest Read response that ended a known request, or found none
+    unasked = 0, -- frame of the newest Write response without a captured request
+    unseen = 0, -- the same, but only for an accepted Write: it displaced what was open
+    ended = 0, -- frame of the newest Read response that ended a known request, or found none open
   }
   self.channels:set(key, channel)
   put_in(self.of_ar, of_ar, key)
@@ -496,14 +497,14 @@ local function channel_of(self, peer, record, now)
   end
 end
 
---- The number of the next transaction, by their beginnings.
+--- The number of the next transaction, in the order in which they begin.
 function Pairing:number()
   self.count = self.count + 1
   return self.count
 end
 
--- An accepted Write displaces a request without its response; whose response may be missing, too.
--- A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
+-- An accepted Write displaces a request without a response; that response may also be missing. A Read after
+-- that Write is for it. After a Connect, it displaces nothing: the AR is new.
 local function displace(self, channel, by)
   local job, asked = channel.open, by.record.request
   for place = #(job.fetching or NONE), asked and 1 or math.huge, -1 do
@@ -523,7 +524,7 @@ local function displace(self, channel, by)
   job.superseding = nil -- for the same reason as in end_job
 end
 
--- An accepted Write takes the place of those that asked for the same and have no response.
+-- An accepted Write replaces older unanswered ones with the same request.
 local function written_again(channel, job)
   local by = job:write_request()
   for _, each in ipairs(channel.asked) do
@@ -533,7 +534,7 @@ local function written_again(channel, job)
   end
 end
 
--- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
+-- An accepted Write opens its job. It displaces the open job, and closes the refused one.
 local function accept(self, channel, job)
   if job.order > channel.accepted then channel.accepted = job.order end
   if job.phase == "asked" then
@@ -547,7 +548,7 @@ local function accept(self, channel, job)
   job.phase = PHASES[job.phase].write_accepted
 end
 
--- Whether a later Write is open already: which of them the device did last nobody knows (P27).
+-- Whether a later Write is open already: nobody knows which one the device executed last (P27).
 local function cross(channel, job)
   local open, newer = channel.open, channel.last
   if open and open.order > job.order then newer = open end
@@ -558,9 +559,9 @@ local function cross(channel, job)
   return newer == open
 end
 
--- The newest request that is surely open at the place of another one, whoever asked; or came behind that; nil
--- for none. It was accepted, no Connect of its AR ended it, and no Read that is under way fetches its
--- response. What comes later changes nothing. And whether it is known that none is open there (P78).
+-- The newest other request at the place of a job, for any controller and AR, if it surely was open when the
+-- Write of the job came, or came later itself; nil for none. Sure means: it was accepted, no Connect of its
+-- AR ended it, and no pending Read may fetch its response. Also whether surely none is open there (P78).
 local function rival_of(self, channel, job)
   local keys, found, came = self.of_place[channel.place], nil, job:write_request()
   for key in keys:newest_first(self.limits.users) do
@@ -593,7 +594,7 @@ local function refuse(self, channel, job)
   channel.refused = job
 end
 
--- Writes without their response, newer than the open request and mirrored or not as it is; newest first.
+-- Unanswered Writes newer than the open request, newest first; the record mirrors all or none of them.
 local function newer_than(open, channel, reference)
   local asked, newer, mirrored = channel.asked, {}, open:reference() == reference
   for place = #asked, 1, -1 do
@@ -605,14 +606,14 @@ local function newer_than(open, channel, reference)
   return newer, mirrored
 end
 
--- Whose record it is where its reference does not tell: of the open request or of a newer Write (P71, P72).
--- Its kind tells, where it fits such a Write and not the open request. Where it does not tell the reverse
--- either, the newer Writes are contested.
+-- The job of a record if its reference does not decide: the open one, or a newer Write (P71, P72). A newer
+-- Write gets it if the kind of the record fits that, and does not fit the open request. If the kind does not
+-- decide for the open request either, the newer Writes are contested.
 local function by_kind(channel, open, record)
   local read, half = record.request, record.response
   local data = half.data
   local newer, mirrored = newer_than(open, channel, data:byte(1))
-  if not mirrored and is_last(channel, half) then return open end -- an old answer
+  if not mirrored and is_last(channel, half) then return open end -- the last answer again
   local of_open = kind_fits(open.message, data)
   for _, job in ipairs(of_open == false and newer or NONE) do
     if kind_fits(job.message, data) and (read == nil or read.frame > job:write_request().frame) then
@@ -625,13 +626,13 @@ local function by_kind(channel, open, record)
   return open
 end
 
--- Whether a record may be for the Write that it mirrors: for one before an accepted one only by its kind, and
--- where it is not the last one once more.
+-- Whether a record may be for the Write that it mirrors. If a later Write was accepted, it must also have the
+-- right kind, and not repeat the last record.
 local function may_be(channel, job, half)
   return job.order > channel.accepted or kind_fits(job.message, half.data) and not is_last(channel, half)
 end
 
--- Whether the Write of a job was sent behind the request of a Read: in the file, and by the clock.
+-- Whether the Write of a job was sent after the request of a Read, in the file and by the clock.
 local function is_later(job, record)
   local asked, read = job:write_request(), record.request
   return asked ~= nil and read ~= nil and asked.frame > read.frame and asked.time_ns >= read.time_ns
@@ -642,7 +643,7 @@ local function mirrors(job, data)
   return data ~= "" and job:reference() == data:byte(1) and kind_fits(job.message, data) ~= false
 end
 
--- The job a Read answers; a Write whose response was not seen counts when the answer fits.
+-- The job that a Read answers. An unanswered Write counts if the record fits it.
 local function addressee(channel, event, record)
   local open, asked = channel.open, channel.asked
   if open and not asked[1] then return open end -- nothing else waits
@@ -651,7 +652,7 @@ local function addressee(channel, event, record)
   local reference = data:byte(1)
   if event == "read_record" and not (open and open:reference() == reference) then
     local mirrored
-    for place = #asked, 1, -1 do -- of several the newest that it may be for by its kind
+    for place = #asked, 1, -1 do -- the newest one with the kind of the record, if there are several
       local job = asked[place]
       if job:reference() == reference and not (job.passed or is_later(job, record))
         and may_be(channel, job, half) then
@@ -665,26 +666,26 @@ local function addressee(channel, event, record)
   local waiting = waiting_of(channel)
   if waiting then
     if event == "read_record" and (is_last(channel, half) or not mirrors(waiting, data)) then
-      return nil -- an old answer
+      return nil -- the last answer again
     end
     return waiting
   end
   return channel.refused
 end
 
--- Whether how long a request waited is not known: a Read that brought its record may be missing. So may the
--- same request once more: then it is that one which waited.
+-- Whether a missing Read may have fetched the record earlier, so that the waiting time is unknown. The
+-- missing call may also be a repetition of the request: then that one waited.
 local function may_be_read(self, job)
   local asked = (job.polls[1] or job.fetching) and job:write_request()
   return asked and (job.fetching or behind(self, job.peer, asked.frame)) ~= nil or nil
 end
 
--- A Read that ends the waiting of a job: with the record, or with a refusal.
+-- A Read ends a job: it brings the record, or it is refused.
 local function answer(self, channel, job, record)
   local half = record.response
   job.read_request, job.read_response = record.request, half
   job.read_before = may_be_read(self, job)
-  if job.message then -- before an orphan anything may be missing
+  if job.message then -- anything may be missing before an orphan
     channel.ended = half.frame
     if is_headless(half) and not job.write_refused then
       job.missing = {what = "cut_off", first = half.frame}
@@ -696,7 +697,7 @@ local function answer(self, channel, job, record)
   if half.data == "" then
     lose(self, job, "")
     if not job.write_refused then
-      forget_last(self, channel) -- what is read from now on may be of either
+      forget_last(self, channel) -- the next record may be for either
     end
     return
   end
@@ -707,8 +708,8 @@ local function answer(self, channel, job, record)
   end
 end
 
--- Whether a request that was refused is answered as the last one was. Of a Write without a Write response
--- nothing follows: two questions may have the same answer.
+-- Whether the answer to a refused request repeats the last one. An unanswered Write proves nothing: two
+-- questions may have the same answer.
 local function compare(self, last, job, half)
   local read = last and last.read_response
   if read and is_same(read, half) and behind(self, job.peer, read.frame) == nil then
@@ -716,8 +717,8 @@ local function compare(self, last, job, half)
   end
 end
 
--- What is read proves that a Write was accepted; its response is missing in the capture. It displaces no
--- newer one: the record of an older request came late.
+-- The record proves that the Write was accepted; the Write response is missing. The Write does not displace a
+-- newer one: then the record came late.
 local function presume(self, channel, job)
   if channel.open and channel.open.order > job.order then
     take_from(channel.asked, job)
@@ -727,7 +728,7 @@ local function presume(self, channel, job)
   end
 end
 
--- Nobody knows any more what becomes of a job.
+-- Ends a job with an unknown outcome.
 local function set_aside(self, channel, job, missing)
   if channel.open == job then
     channel.open = nil
@@ -746,8 +747,8 @@ local function read(self, channel, job, event, record)
   if phase == "refused" and event == "read_record" then
     compare(self, channel.last, job, half)
   elseif phase == "asked" and event == "read_cut" then
-    take_from(channel.asked, job) -- accepted or not: its STATUS is cut off, too
-    channel.accepted = math.max(channel.accepted, job.order) -- no older one waits any more
+    take_from(channel.asked, job) -- accepted or not: the status is cut off, too
+    channel.accepted = math.max(channel.accepted, job.order) -- no older Write waits any more
   elseif phase == "asked" and event ~= "read_empty" and event ~= "read_short" then
     presume(self, channel, job)
   end
@@ -771,8 +772,8 @@ local function repeated(self, place, half)
   return before and half.frame > before.frame and is_same(before, half) and delivered or nil
 end
 
--- Whose response a Read without a request may bring once more: that of its channel; without an AR that of
--- the place, whoever asked there.
+-- The job with the response that a Read without a request may repeat: the last of the channel, for a
+-- ReadImplicit the last of the place, for any controller and AR.
 local function last_response(self, channel, record)
   local last, half = channel.last, record.response
   local delivered = record.implicit and repeated(self, channel.place, half)
@@ -780,7 +781,7 @@ local function last_response(self, channel, record)
   return delivered.phase == "closed" and bytes(last) == half.data and last or delivered
 end
 
---- Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing.
+--- Whether a ReadImplicit repeats the last response of its place (P55). Changes nothing.
 function Pairing:is_again(peer, record)
   return record.implicit and repeated(self, place_key(peer, record), record.response) ~= nil
 end
@@ -811,7 +812,7 @@ local function is_uncounted(self, channel, reference)
   return nil
 end
 
---- A Write that asks for something. Returns the job, for `write_response`.
+--- Takes a Write request. Returns its job, for `write_response`.
 function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
   local missing = channel.written and behind(self, peer, channel.written)
@@ -838,7 +839,7 @@ function Pairing:write_response(job, response, fault)
   if job.fetching or job.read_request or job.polls[1] then job.hasty = waits(self, job.peer) end
   if job.hasty and (fault or response and response.status ~= 0) then
     job.twice = asked and asked.frame
-    return -- who waits had another response before, and the device executed the call once more
+    return -- the client got another response before, and the device has executed the call twice
   end
   job.write_response = response
   local status = response and response.status
@@ -859,9 +860,8 @@ function Pairing:write_response(job, response, fault)
   end
 end
 
---- The answer to a Write whose request is not in the capture. One that was accepted asks for something that
---- nobody knows: what is read from now on may be its response, also where that has the bytes of an
---- earlier one.
+--- The answer to a Write without its request in the capture. If it was accepted, its request is unknown: any
+--- later record may be its response, even with the bytes of an earlier one.
 function Pairing:write_unasked(peer, record)
   local half = record.response
   if half == nil then return end
@@ -880,9 +880,9 @@ function Pairing:write_unasked(peer, record)
   forget_last(self, channel)
 end
 
--- Whether a program counts its references, as far as is known: one more than before, or two past 0. Of the
--- first one on a channel it may, and a capture that has only what somebody chose has no other. Whoever
--- chooses takes whole calls.
+-- Whether a program seems to count its references: one more than before, or two, to skip 0. So does the first
+-- request on a channel, unless it was refused, a call of it is incomplete, or another channel had its
+-- reference last. A filtered capture may have no other request, but its calls are whole.
 local function counts(job, record)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
@@ -892,7 +892,7 @@ local function counts(job, record)
   return first or step == 1 or step == 2
 end
 
--- Whether a Read may be for a Write without its response that is newer than the one of a job.
+-- Whether a Read may be for an unanswered Write that is newer than that of a job.
 local function may_be_newer(channel, job, record)
   local half = record.response
   local data = half.data
@@ -905,8 +905,8 @@ local function may_be_newer(channel, job, record)
   return false
 end
 
--- The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job. A
--- record that mirrors the request, and not the refused one, shows that it did not.
+-- The last unanswered Read of a job, if a Write after it was refused: the Read may have ended the job. It has
+-- not, if the record mirrors the request of the job and not the refused one.
 local function wrote_behind(channel, job, record)
   local refused, polled, data = channel.refused, job.polls[#job.polls], record.response.data
   if not (refused and job.fetching and refused.order > job.order) then return nil end
@@ -921,10 +921,10 @@ local function wrote_behind(channel, job, record)
   return open and {what = "read_answer", first = last} or nil
 end
 
--- Why a record, or the refusal of a Read, may be for another Write than that of a job; nil: it is not.
--- It is not for a Write that is missing where the record mirrors the reference and the program counts it,
--- unless such a Write was accepted on this channel: else a filter, too, would leave every request without its
--- response. It may be for the same request once more.
+-- Why a record, or a refused Read, may belong to another Write than that of the job; nil: it does not.
+-- A record with the reference of the request does not belong to a missing Write, if the program counts its
+-- references: otherwise no request in a filtered capture would get its response. A missing Write that was
+-- accepted on this channel is an exception. The record may be for a repetition of the same request.
 local function of_another(self, channel, job, record)
   local half = record.response
   local asked, open, data = job:write_request(), channel.open, half.data
@@ -933,7 +933,7 @@ local function of_another(self, channel, job, record)
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   if job.peer.station then
     local since, refused = asked.frame, job == channel.refused
-    if refused then -- what a record brings may have outlived a start-up
+    if refused then -- a record may be older than a start-up
       local begun = self.starts:get(job.peer.device)
       local due = not has_data and begun and begun.frame < (record.request or half).frame
       since = due and math.max(channel.ended, begun.frame) or channel.ended
@@ -956,29 +956,29 @@ local function of_another(self, channel, job, record)
   elseif may_be_newer(channel, job, record) then
     return {what = "later"}
   end
-  local unknown = not (job:write_told() or has_data) -- whether its Write was accepted
+  local unknown = not (job:write_told() or has_data) -- nobody knows whether its Write was accepted
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
   local since = over and free_since(self, channel, sought) or asked.frame
   local found = asked_behind(self, job.peer, channel, since, fits)
   if found == nil and job == channel.refused and has_data and not fits then
-    found = behind(self, job.peer, 0) -- what it mirrors may have outlived a Connect
+    found = behind(self, job.peer, 0) -- it may mirror a request before a Connect
   end
   if unknown and found then
     return asked_behind(self, job.peer, channel, asked.frame, fits) or unanswered(job, asked)
   elseif found == nil or not has_data or channel.unseen > since then
     return found
   end
-  local sure = fits and kind_fits(job.message, data) -- of a record that is too short nothing tells
+  local sure = fits and kind_fits(job.message, data) -- a record that is too short is not sure
   local first = found.what == "begins" and (sure or fits and not job.write_refused)
   return not (first or sure and counts(job, record)) and found or nil
 end
 
--- A Read that brought nothing, where no request is open as far as is known.
--- @param missing  why it may be for a request that was taken for open; nil where it is not
+-- A Read that brought nothing, while no request is known to be open.
+-- @param missing  why it may be for a request that was taken for open; nil: it is not
 local function nothing(self, peer, channel, record, missing)
   local half, known = record.response, missing == nil
   if known and was_open(channel, record.request) then
-    return -- its response is behind that to a later Read
+    return -- its response comes after that to a later Read
   elseif known then
     missing = may_be_open(self, peer, channel, record.request or half)
   end
@@ -989,7 +989,7 @@ local function nothing(self, peer, channel, record, missing)
   end
 end
 
---- The answer to a Read. Returns the job it went to, nil where there is none.
+--- The answer to a Read. Returns the job that gets it, nil if none does.
 function Pairing:read_response(peer, record)
   local half = record.response
   local channel = channel_of(self, peer, record, half.time_ns)
@@ -999,14 +999,14 @@ function Pairing:read_response(peer, record)
   local over = job and wrote_behind(channel, job, record)
   if over then
     set_aside(self, channel, job, over)
-    forget_last(self, channel) -- the missing one is newer
+    forget_last(self, channel) -- the missing response is newer
     job = addressee(channel, event, record)
     if job and half.data ~= "" and not mirrors(job, half.data) then
-      job = nil -- it may be that of the other one all the same
+      job = nil -- the record may still belong to the job that was set aside
     end
   end
   local late = job and is_later(job, record)
-  if late then job = nil end -- what the Read asked for is over: its response came late
+  if late then job = nil end -- the request of the Read is over: its response came late
   if channel.refused and channel.refused ~= job then
     if job and channel.refused.order > job.order then job.refused_behind = channel.refused end
     leave_refused(self, channel)
@@ -1016,7 +1016,7 @@ function Pairing:read_response(peer, record)
   if missing then
     set_aside(self, channel, job, missing)
     job = nil
-    if channel.open then -- whosever this is, it ends what was asked before it
+    if channel.open then -- whichever job the record is for, it ends the open one
       set_aside(self, channel, channel.open, {what = "later"})
     end
   end
@@ -1043,7 +1043,7 @@ function Pairing:read_response(peer, record)
   return job
 end
 
---- The answer to a Read of which the capture cut off what it brought: it is as good as not there (P73).
+--- The answer to a Read, cut off by the capture before its record: it counts as missing (P73).
 function Pairing:read_untold(peer, record)
   local job, half = record.job, record.response
   channel_of(self, peer, record, half.time_ns)
@@ -1059,9 +1059,9 @@ function Pairing:waits_for(peer, record)
   local job = self:expected(peer, record)
   local asked = job and job:write_request()
   if not asked or not lost or asked.frame > lost.frame then
-    return nil -- what the Read asked for is over: it came before the Write of this one
+    return nil -- the Read was sent before the Write of this job
   end
-  if channel.ended > lost.frame then return nil end -- the same: another request was open then
+  if channel.ended > lost.frame then return nil end -- another request was open when the Read was sent
   return job
 end
 
@@ -1081,7 +1081,7 @@ function Pairing:read_asked_late(peer, record, answered)
   end
 end
 
---- The job that a Read request asks for, as far as is known before its response; nil for none.
+--- The job that a Read request is for, as far as that is known before its response; nil for none.
 -- Changes nothing.
 function Pairing:expected(peer, record)
   local channel = self.channels.values[channel_key(peer, record)]
@@ -1089,7 +1089,7 @@ function Pairing:expected(peer, record)
   return channel.open or waiting_of(channel) or channel.refused or nil
 end
 
---- An AR (its key) is over: what is open on its channels, or on those of one index, stays unanswered.
+--- An AR (its key) is over: open jobs on its channels, or on those of one index, stay unanswered.
 -- @param at  {frame, time_ns} of what ends it
 function Pairing:release(of_ar, at, index)
   local over = {}
@@ -1103,7 +1103,7 @@ function Pairing:release(of_ar, at, index)
   if self.connected_ars:get(pair) == of_ar then self.connected_ars:pop(pair) end
 end
 
---- Something is said on the ARs of a record and of those that follow it; needed where `any_replaced` says so.
+--- A message on the ARs of a record and of those that follow it; only needed if `any_replaced`.
 function Pairing:goes_on(peer, record)
   while record do
     goes_on(self, ar_key(peer, record))
@@ -1111,10 +1111,10 @@ function Pairing:goes_on(peer, record)
   end
 end
 
--- Whether nothing on a channel waits for a response or for the end of its grace.
+-- Whether a channel has no unanswered, open or refused Write.
 local function is_free(channel) return not (channel.open or channel.refused or channel.asked[1]) end
 
--- An AR of which the two have one is set up: it replaces the one before, if nothing more is said on that.
+-- An AR of cyclic data is set up: it replaces the one before, unless there is another message on that.
 local function replace(self, pair, ar, at)
   local before = self.connected_ars:get(pair)
   local siblings = before ~= nil and before ~= ar and self.of_ar[before]
@@ -1127,10 +1127,10 @@ local function replace(self, pair, ar, at)
   end
 end
 
---- An AR is set up: requests of the same AR that are open now have lost their connection.
+--- An AR is set up: open requests of the same AR have lost their connection.
 -- @param at  {frame, time_ns} of the Connect
--- @param ar  nil where it is not known
--- @param only  whether a controller has one of this kind with a device: it replaces the one before
+-- @param ar  nil if unknown
+-- @param only  whether a controller has only one of this kind with a device: it replaces the one before
 function Pairing:connected(controller, device, at, ar, only)
   if ar then
     local pair, key = rpc.pair(controller, device), records.ar_text(controller, device, ar)
@@ -1143,7 +1143,7 @@ function Pairing:connected(controller, device, at, ar, only)
   self.listener:connected(device, at.frame)
 end
 
---- A station of PROFIBUS got its parameters: it may have been switched off before that.
+--- A PROFIBUS station got its parameters: it may have been switched off before.
 function Pairing:started(station, at)
   self.starts:keep(station, at, self.limits.channels)
   self.listener:connected(station, at.frame)

@@ -1,8 +1,8 @@
 -- What was written last to a parameter, and whether a later read brings something else (DS417).
 --
--- The same as python/ds47/acyclic/readback.py, where it is explained: a finding speaks only where the value
--- that was written last is the same in every order that the capture allows, and for every drive object that a
--- request may have reached.
+-- The same as python/ds47/acyclic/readback.py, where it is explained: there is a finding only if the last
+-- written value is the same in every order that the capture allows, and for every drive object that a request
+-- may have reached.
 
 local dictionary = require("ds47.profidrive.dictionary")
 local drive_objects = require("ds47.profidrive.drive_objects")
@@ -19,8 +19,8 @@ local M = {}
 
 local DO_IDENTIFICATION = drive_objects.DO_IDENTIFICATION
 local VALUE = tables.layouts.ADDRESS_VALUE
-local NEVER = huge -- a frame behind the end of every capture
-local KEPT = 8 -- writes that may be the last one of a parameter; of more of them nothing is known
+local NEVER = huge -- a frame number beyond every capture
+local KEPT = 8 -- how many Writes may compete for the last value of a parameter; with more it is unknown
 local BROKEN = {DS309 = true, DS313 = true} -- of a message not decoded to its end
 local BROKEN_OR_CUT = {DS309 = true, DS313 = true, DS315 = true}
 local OF_CHANGES = {[0x02] = true, [0x82] = true, [0x42] = true, [0xC2] = true} -- response IDs of changes
@@ -31,9 +31,9 @@ local ReadBack = {}
 ReadBack.__index = ReadBack
 
 --- Remembers what was written, and compares what is read.
--- @param most   parameters that are remembered; of more the one that was written longest ago is forgotten
--- @param unseen  unseen(peer, frame): whether a change that nobody has told of may have come behind a frame:
---   what a controller asked of a device is missing there, or waits until its AR has proved itself
+-- @param most   how many parameters to remember; the one written longest ago is forgotten first
+-- @param unseen  unseen(peer, frame): whether an unknown change may have come after a frame: a call to the
+--   device is missing, or waits until its AR has proved itself
 function M.new(most, unseen)
   return setmetatable({
     unseen = unseen,
@@ -42,7 +42,7 @@ function M.new(most, unseen)
     written = ordered.new(), -- device, PNU and subindex -> array of writes
     open = {}, -- changes without a response -> array of {key, number, write}, number of the parameter from 1
     devices = ordered.new(), -- address -> {forgotten = frame, recomputing = set of jobs, count}
-    pnus = {}, -- every PNU that was ever written: most reads ask for others
+    pnus = {}, -- all PNUs written so far: most reads are of other PNUs
   }, ReadBack)
 end
 
@@ -85,7 +85,7 @@ function ReadBack:connected(device, frame) self:_device(device).forgotten = fram
 
 local function remember(self, key, write)
   local there = self.written:get(key) or {}
-  if #there == KEPT then -- too many at once: nothing is known of it any more
+  if #there == KEPT then -- too many at once: the value is unknown now
     write = {
       access = write.access, raw = "", format = write.format, value = "", asked = write.asked, upto = NEVER,
     }
@@ -116,7 +116,7 @@ function ReadBack:asked(job)
   if message.operation ~= "change" then return end
   local access, told = drive_objects.access(job), {}
   if has_one_of(message.flaws, BROKEN_OR_CUT) then
-    self:_device(access.device).recomputing[job] = true -- which values it writes is not known
+    self:_device(access.device).recomputing[job] = true -- its values are unknown
   end
   for number, block in ipairs(message.blocks) do
     local address = message.addresses[number]
@@ -128,22 +128,22 @@ function ReadBack:asked(job)
   self.open[job] = told
 end
 
--- The frame by which a change is in force or never will be.
+-- From this frame on a change is in force, or never will be.
 local function end_of(job)
   if job.read_response then return job.read_response.frame end
   return job.superseded_by or NEVER
 end
 
--- The last frame of a job whose response was not fetched.
+-- The last frame of a job without a fetched response.
 local function last_frame(job) return (job.write_response or job:write_request()).frame end
 
--- Whether the response does not say for sure what became of the parameters that it has blocks of.
+-- Whether not even the blocks of a response are sure.
 local function is_doubtful(job, response)
   local half = job.read_response
   return has_one_of(response.flaws, BROKEN) or half.missing or half.status ~= nil and half.status ~= 0
 end
 
--- Which parameters, from 1, did not take effect (nil: all), and of how many, from the first, this is sure.
+-- Which parameters (from 1) did not take effect, nil: all; and for how many, from the first, that is sure.
 -- A request may name a parameter twice.
 local function outcome(job, stray)
   local failed, message, response = {}, job.message, job.response
@@ -161,8 +161,8 @@ local function same_access(one, other)
     and one.axis == other.axis
 end
 
--- A value was accepted: what was written in the same way before it does not count any more. Where that was
--- another value, a read that was open then may mean it (`replaces`).
+-- A value was accepted: earlier values written in the same way no longer count. If one differed, a read that
+-- was open then may return it (`replaces`).
 local function in_force(self, key, write)
   write.certain = true
   local there = self.written:get(key)
@@ -180,7 +180,7 @@ local function drop(self, key, write)
   if there then self.written:set(key, kept(there, function(each) return each ~= write end)) end
 end
 
---- A response without its request: that of a change, which a cut one may be, says that something was written.
+--- A response without its request: if it may be that of a change, an unknown value has changed.
 function ReadBack:unasked(job)
   local half, response = job.read_response, job.response
   local id = response and response.response_id
@@ -190,8 +190,8 @@ function ReadBack:unasked(job)
   end
 end
 
---- The response to a change is there, or it is over without one.
--- @param stray  whether the response is another's
+--- A change has its response, or is over without one.
+-- @param stray  whether the response belongs to another request
 function ReadBack:settled(job, stray)
   local told, device = self.open[job], self:_device(job.peer.device)
   local frame = end_of(job)
@@ -220,7 +220,7 @@ end
 
 -- Reads
 
--- What was written last between frames `since` and `asked`, as far as that is sure; nil where it is not.
+-- The value that was written last between frames `since` and `asked`; nil if that is not sure.
 function ReadBack:_last(key, pnu, access, since, asked)
   local objects, last = self.objects, nil
   local near = kept(self.written:get(key) or NONE, function(each)
@@ -273,7 +273,7 @@ function ReadBack:_compared(found, job, access, address, block)
   end
 end
 
---- What a read brings that is not what was written last: array of {offset, args of DS417}.
+--- The values of a read that differ from the last written ones: array of {offset, args of DS417}.
 function ReadBack:read(job)
   local request, response = job.message, job.response
   if response == nil or request == nil or request.operation ~= "read" then return NONE end

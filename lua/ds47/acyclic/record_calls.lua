@@ -1,7 +1,7 @@
--- RPC calls to the records in them: what is asked and answered of each goes on to record_events.lua.
+-- RPC calls to the records in them: passes the request and the response of each record to record_events.lua.
 --
--- Sits between the RPC calls (calls.lua) and those, and reports what is wrong with the transport of a record
--- call (DS1xx, DS208). Knows of a record where it goes, and nothing of what it holds.
+-- Takes RPC calls from calls.lua. Reports what is wrong with the transport of a record call (DS1xx, DS208).
+-- Knows the address of a record, not its content.
 
 local ordered = require("ds47.support.ordered")
 local records = require("ds47.profinet.records")
@@ -18,7 +18,7 @@ local OPERATIONS = {[rpc.READ] = "Read", [rpc.WRITE] = "Write", [rpc.READ_IMPLIC
 local CONNECT, RELEASE = rpc.CONNECT, rpc.RELEASE
 local OF_REQUESTS = {calls = true, activities = true, pending_writes = true} -- limits
 
--- Peers that were told, by what tells them apart.
+-- Peers, by what tells them apart.
 local peers, peer_count, MOST_PEERS = {}, 0, 4096
 
 local function who(pdu)
@@ -33,7 +33,7 @@ local function who(pdu)
   return peer
 end
 
--- The same peer with the vendor that is known or assumed up to now.
+-- The same peer with the vendor that is known so far, or assumed.
 local function with_vendor(peer, stations)
   local vendor_id, assumed = stations:vendor(peer.device)
   local known, only_assumed = peer.with_vendor, assumed and vendor_id or nil
@@ -47,9 +47,8 @@ local function with_vendor(peer, stations)
   return known
 end
 
---- Who talks to whom: {controller, device, vendor_id, device_id}, and vendor_assumed, the same vendor,
--- where a user said so.
--- The same table again while it stays the same, so nobody may change it.
+--- Who talks to whom: {controller, device, vendor_id, device_id}, and vendor_assumed, the same vendor, if it
+-- is the user's assumption. Calls share this table, so it must not be changed.
 -- @param stations knows the vendors of devices whose calls do not say it (stations.lua)
 function M.peer(pdu, stations)
   local peer = pdu.peer
@@ -66,7 +65,7 @@ end
 
 local peer_of = M.peer
 
--- The PDU, which knows its peers then: that is where an event happens.
+-- The PDU, now with its peers: the origin of events.
 local function placed(self, pdu)
   peer_of(pdu, self.stations)
   return pdu
@@ -78,23 +77,23 @@ M.RecordCalls = RecordCalls
 
 --- The handlers of a `CallTracker`.
 -- @param events  hears of every record that may be ours, and of connections that end (record_events.lua)
--- @param pairing  hears of connections that begin
+-- @param pairing  hears when a connection begins
 -- @param listener  takes the transport findings: listener:remark({rule, frame, args, offset}, job or nil);
 --   and hears of every answered Connect: listener:set_up(request, response)
 -- @param stations  knows the vendors of devices whose calls do not say it (stations.lua)
--- @param completeness  hears of Writes of which the capture cut off where they go
+-- @param completeness  hears of calls with an unknown place, because the capture cut them
 function RecordCalls.new(events, pairing, listener, stations, completeness)
   return setmetatable({
     events = events, pairing = pairing, listener = listener, stations = stations,
     completeness = completeness, concerned = events.index47.concerned,
-    alone = ordered.new(), -- the newest responses without a request (DS102), by their frames
+    alone = ordered.new(), -- frame -> DS102, for the newest responses without a request
     connections = ordered.new(), -- client and server -> the request that begins or ends an AR: `_goes_on`
-    forgot_requests = false, -- whether a limit pushed out a request whose response may still come
+    forgot_requests = false, -- whether a limit pushed out a request, so that its response may still come
     newest = 0, -- the frame of the newest response that concerns us
   }, RecordCalls)
 end
 
---- The first record in the beginning of a message; nil where that tells of none that can be ours.
+--- The first record in the beginning of a message; nil if it shows none that can be ours.
 function RecordCalls:first_record(pdu)
   local record
   if pdu.fragment ~= 0 then return nil end
@@ -122,12 +121,12 @@ local function tell_each(self, pdu, record, event, detail)
   end
 end
 
---- A message whose fragments did not become whole.
--- @param pdu its beginning, or the first that was seen of it
+--- A message was given up before all its fragments were there.
+-- @param pdu its first fragment, or the first one seen
 -- @param have number of its fragments
 -- @param kind "RPC" or "IP"
 -- @param limit name of the limit that pushed it out: the others may have come later; nil for none
--- @param call  the call that it answers, as far as that is known; nil for none
+-- @param call  the call that it answers, if known; nil for none
 function RecordCalls:incomplete(pdu, have, kind, limit, call)
   local record = self:first_record(pdu) or ours_from(self, call and call.context)
   if not record then return end
@@ -152,8 +151,8 @@ function RecordCalls:given_up(part, kind, calls)
   if pdu ~= nil then self:incomplete(pdu, part.have, kind, part.limit, calls:open_call(pdu)) end
 end
 
---- What is to be said of each limit that pushed something out, when the capture is over: array of remarks.
--- Not of requests whose response may still come, where none came any more: nothing was given up then.
+--- The capture is over: a remark for each limit that pushed something out (DS109). Not if it only pushed out
+-- requests, and no response came since: then nothing was lost.
 function RecordCalls:limits_reached()
   local found = {}
   for name, pushed in self.events.limits:iterate() do
@@ -173,7 +172,7 @@ end
 
 -- Requests
 
--- An AR begins or ends, as its request says; or a response whose request is missing.
+-- An AR begins or ends, as the request says, or as a response without a request says.
 function RecordCalls:_connection(pdu, opnum)
   local at = {frame = pdu.frame, time_ns = pdu.time_ns}
   if opnum == RELEASE then
@@ -185,9 +184,8 @@ function RecordCalls:_connection(pdu, opnum)
   end
 end
 
--- A connection begins or ends with its response, or when its client asks for something else after it. Between
--- the two may stand the responses to requests that came before it, which are out of order in the capture
--- (P79). One of which neither is there changes nothing.
+-- A connection begins or ends with the response, or with the next request of its client. Responses to earlier
+-- requests may come in between, out of order (P79). Without either, nothing changes.
 function RecordCalls:_goes_on(pdu)
   if self.connections.length == 0 then return end
   local key = rpc.pair(pdu.client, pdu.server)
@@ -198,7 +196,7 @@ function RecordCalls:_goes_on(pdu)
   end
 end
 
--- A request that begins or ends an AR waits; of more than a limit the oldest does no more.
+-- A request that begins or ends an AR waits for its response; beyond a limit the oldest stops waiting.
 function RecordCalls:_wait(pdu, opnum)
   local key = rpc.pair(pdu.client, pdu.server)
   if self.connections:get(key) then
@@ -234,7 +232,7 @@ function RecordCalls:asked(call)
   end
 end
 
---- The request of a response that was heard of already, as one without its request.
+--- The request came after its response, which was already reported as one without a request.
 function RecordCalls:late(call)
   local pdu, answer = call.request, call.response
   for _, alone in ipairs(self.alone:pop(answer.frame) or {}) do alone.withdrawn = true end
@@ -270,7 +268,7 @@ function RecordCalls:lost(call)
   tell_each(self, pdu, context, "lost")
 end
 
---- A call without a response that a limit pushed out: one may still come.
+--- A limit pushed out a call without a response: that may still come.
 function RecordCalls:pushed_out(call, limit)
   local pdu, record = call.request, ours_from(self, call.context)
   if record then
@@ -343,7 +341,7 @@ function RecordCalls:twice(call, pdu)
   end
 end
 
---- The first four bytes of a body as a number, fewer where fewer are there.
+--- The first four bytes of a body as a number; fewer, if there are fewer.
 local function fault_code(pdu)
   local code, length = 0, math.min(4, #pdu.body)
   for number = 1, length do

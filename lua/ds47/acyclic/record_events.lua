@@ -1,8 +1,8 @@
--- What happens to a record that may be ours; when it is known to be ours, the jobs hear of it.
+-- What happens to a record that may be ours: tells the pairing once the record is known to be ours.
 --
--- Stands between those who know how a record travels (record_calls.lua for RPC, ms1_calls.lua for PROFIBUS)
--- and the jobs (pairing.lua). Holds back what is not known to be ours yet (index47.lua), decodes a request
--- once, and says where the length of a record or the order of the capture is wrong (DS106, DS107, DS202).
+-- Takes records from record_calls.lua (RPC) and ms1_calls.lua (PROFIBUS). Holds back what is not known to be
+-- ours yet (index47.lua), decodes each request once, and reports a wrong length of a record or a wrong order
+-- of the capture (DS106, DS107, DS202).
 --
 -- What happens to a record is an event: one of the functions under "Events", with up to four arguments
 -- (origin, record, detail, peer). The origin says where it happens: {frame, time_ns, peer, missing, cut}, of
@@ -30,7 +30,7 @@ M.RecordEvents = RecordEvents
 --- Tells the pairing what happens to records, once they are known to be ours.
 --
 -- `counts` says the record requests by index: {[index] = {read = n, write = n}}.
--- @param index47 which records are ours
+-- @param index47 decides which records are ours
 -- @param pairing hears of every Write and Read that is ours
 -- @param codec dialects of the messages (options of parameter.lua, or nil)
 -- @param listener takes the findings: listener:remark({rule, frame, args, offset}, job or nil)
@@ -45,10 +45,10 @@ end
 
 -- Events: what happens to a record once it is known to be ours
 
--- Time of the capture; a finding where it steps backwards.
+-- Notes the time of the capture; a finding if it steps back.
 local function clock(self, origin, record)
   local newest, before, now = self.newest_ns, self.newest_frame, origin.time_ns
-  if origin.frame < before then return end -- that of an AR that proved itself late
+  if origin.frame < before then return end -- its AR proved itself late
   if newest and now < newest then
     local args = {milliseconds = json.float((newest - now) / 1e6), first = before}
     self.listener:remark({rule = "DS107", frame = origin.frame, args = args, ar = ar_of(origin.peer, record)})
@@ -63,7 +63,7 @@ end
 
 local function event_pushed_out(self, origin, _, limit) self:push_out(limit, origin.frame) end
 
--- What waited for its AR to prove itself is behind a Release then, as all else was when that came.
+-- The Release of an AR: events that waited for its proof run before it.
 local function event_release(self, at, _, of_ar) self.pairing:release(of_ar, at, SHARED_INDEX) end
 
 local function event_about(self, origin, record, remark)
@@ -73,7 +73,7 @@ end
 
 local function event_read_asked(self, origin, record, _, peer)
   clock(self, origin, record)
-  record.job = self.pairing:expected(peer, record) -- for what is said of the call
+  record.job = self.pairing:expected(peer, record) -- for findings about the call
   if record.job then record.job:fetch(record.request) end
 end
 
@@ -85,7 +85,7 @@ local function event_answered_twice(_, _, record)
   if record.job then record.job.twice = record.request.frame end
 end
 
--- A Read is over, to whomever its response goes.
+-- A Read is over, whichever job gets its response.
 local function event_read_over(_, _, record)
   if record.job then record.job:fetched(record.request) end
 end
@@ -133,10 +133,10 @@ end
 --- An IODWriteMultiple, whatever it holds.
 function RecordEvents:wrote_multiple() count(self, records.WRITE_MULTIPLE, "write") end
 
--- Runs an event, now or when something proves the same AR; never if nothing does. Whether it waits.
--- `event`: a function under "Events". `proves`: a function of the same arguments that says whether the
--- message proves its AR, asked only where that would open the AR; nil for an event that does not.
--- What a question alone proves runs, and waits all the same.
+-- Runs an event now, or when something proves its AR. Returns whether it waits.
+-- `event`: a function under "Events". `proves`: a function of the same arguments, whether the message proves
+-- its AR; called only if that would open the AR; nil: the event never does.
+-- After a question an event runs now, and waits as well.
 local function pass(self, event, proves, origin, record, detail)
   local peer, place, index47 = origin.peer, record.place, self.index47
   if place.peer ~= peer then know_peer(place, peer) end
@@ -165,7 +165,7 @@ end
 --- A finding about a record that is ours, or will turn out to be.
 function RecordEvents:remark(origin, record, remark) pass(self, event_remark, nil, origin, record, remark) end
 
---- The same, about the job that the record belongs to, where there is one then.
+--- The same, about the job of the record, if it has one then.
 function RecordEvents:about(origin, record, remark) pass(self, event_about, nil, origin, record, remark) end
 
 --- The call of a record, which is ours or will turn out to be, was pushed out by the limit of this name.
@@ -180,14 +180,14 @@ function RecordEvents:push_out(limit, frame)
   pushed.count = pushed.count + 1
 end
 
---- An AR (its key) is over; what waits of it, too, once it goes on.
+--- An AR (its key) is over. If its events wait, its release waits behind them.
 -- @param at  {frame, time_ns} of its Release
 function RecordEvents:released(of_ar, at)
   self.pairing:release(of_ar, at)
   self.index47:follow(of_ar, {event = event_release, origin = at, detail = of_ar})
 end
 
--- Whether a Read that was answered shows the parameter channel, or brings once more what did.
+-- Whether the record of a Read proves the parameter channel, or repeats one that did.
 local function proves_by_answer(self, origin, record)
   local half, place, index47 = record.response, record.place, self.index47
   if half.data == "" then return false end
@@ -224,7 +224,7 @@ function RecordEvents:asked(origin, record)
   end
 end
 
---- The request of a Read whose response was in an earlier frame.
+--- The request of a Read came after its response.
 function RecordEvents:asked_late(origin, record, answer)
   local index = record.place.index
   count(self, index, "read")
@@ -233,12 +233,12 @@ function RecordEvents:asked_late(origin, record, answer)
   end
 end
 
---- A response was no one without its request: that came late, and is told next.
+--- The request of a response came late: that response no longer counts as one without a request.
 function RecordEvents:not_unasked(origin, record)
   if record.index == SHARED_INDEX then self.index47:unheard(records.ar_key(origin.peer, record)) end
 end
 
---- A request with two responses: which of them its client has is not known.
+--- A request with two responses: the client may have got either.
 function RecordEvents:answered_twice(origin, record) pass(self, event_answered_twice, nil, origin, record) end
 
 --- The response to a request.
@@ -263,7 +263,7 @@ function RecordEvents:unasked(origin, record)
   if waits then self.index47:heard(record.place.ar_key, record.response.frame) end
 end
 
---- What is told of records that nothing shows to be ours (DS209), if nothing more comes: an array of remarks.
+--- The findings about records that nothing shows to be ours (DS209), if nothing more comes: array of remarks.
 function RecordEvents:unproven()
   local remarks = {}
   for number, each in ipairs(self.index47:unproven()) do
@@ -274,12 +274,12 @@ function RecordEvents:unproven()
   return remarks
 end
 
---- A request that was turned away before anybody looked at its record.
+--- A request that was refused before its record was looked at.
 function RecordEvents:failed(origin, record)
   pass(self, record.write and event_write_failed or event_read_over, nil, origin, record)
 end
 
---- A request whose response does not come any more.
+--- A request that will get no response.
 function RecordEvents:lost(origin, record)
   if not record.write then pass(self, event_read_lost, nil, origin, record) end
 end

@@ -1,7 +1,7 @@
 -- A finished job as the transaction of a report: its state, its parameters, its frames and times.
 --
--- States and parameters follow docs/pairing.md; findings are made in judge.lua. Keys of a transaction
--- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
+-- States and parameters follow docs/pairing.md; judge.lua makes the findings. A transaction has the keys of
+-- python/ds47/model.py, and `order`, the number of its job while the capture goes on.
 
 local copy = require("ds47.support.flat").copy
 local mapped = require("ds47.support.arrays").mapped
@@ -31,7 +31,7 @@ for _, known in pairs(tables.request_ids) do
   operation_of_response[known.negative] = known.operation
 end
 
--- What was asked; for an orphan what its response id says.
+-- The operation; for an orphan, according to its response id.
 local function operation(job)
   if job.message ~= nil then return job.message.operation end
   local response_id = job.response and job.response.response_id
@@ -49,8 +49,8 @@ local function count_failed(blocks)
   return failed
 end
 
--- That of a response whose end the capture cut off, or how many were asked for: the rest nobody knows.
--- `sure`: whether all parameters failed if none of them is seen to be done.
+-- The state if the capture cut off the end of the response, or the number of parameters asked for.
+-- `sure`: if no parameter is seen to succeed, all have failed.
 local function outcome_as_far_as_seen(done, failed, negative, sure)
   if failed == 0 and not negative then return "ok" end
   return done > 0 and "partial" or sure and "error" or "incomplete"
@@ -63,12 +63,12 @@ local function outcome(job)
   local known = tables.response_ids[response.response_id or 0]
   local negative = known ~= nil and known.negative or false
   if #blocks == 0 and known and known.body ~= "blocks" and not negative then
-    return "ok" -- a positive response that has nothing to carry
+    return "ok" -- a positive response without content
   end
   local failed = count_failed(blocks)
   local done = #blocks - failed
   if response.cut and blocks[#blocks].error == nil then
-    done = done - 1 -- the last value did not arrive whole
+    done = done - 1 -- the last value is incomplete
   end
   local asked, cut = parameters_asked(job), job.read_response.cut
   if cut or asked == nil then
@@ -96,9 +96,9 @@ end
 local NONE = {}
 local NAMELESS = {} -- in place of an address, where no request names the parameter
 
--- What is known of a parameter from its address and the format of its values (false: of none), on drives
--- with the parameters of a family: the metatable of all that have these. Stands with the address, which equal
--- requests share.
+-- What is known about a parameter from its address and the format of its values (false: no values), on drives
+-- of a family: the metatable of all such parameters. It is stored with the address, which equal requests
+-- share.
 local function new_class(address, whose, format)
   local classes, named = address.classes, address ~= NAMELESS
   if classes == nil or classes.whose ~= whose then
@@ -133,14 +133,14 @@ local function shown(peer, whose, address, value, answer)
   return setmetatable(result, class)
 end
 
--- Puts into a parameter what somebody says of it; its class is one of its own then, as its unit may be none.
+-- Adds to a parameter what the drive or a list says. It then has its own metatable: its unit may be nil.
 local function tell(item, told)
   local own = copy(getmetatable(item))
   own.unit, own.described, own.words, own.__index = told.unit, told.described, nil, own
   setmetatable(item, own)
 end
 
--- Puts into the parameters what the drive has said of them, and what lists of the user say.
+-- Adds to the parameters what the drive and lists of the user say.
 local function explain(items, meanings, peer)
   for number, item in ipairs(items) do
     local meaning = item.pnu and meanings[number]
@@ -199,7 +199,7 @@ local function frames_of(job)
   }
 end
 
---- Every frame in which a transaction shows, in no order; one may be there twice.
+--- Every frame of a transaction, in no order; one may be there twice.
 function M.all_frames(frames)
   local list = {}
   for _, key in ipairs({"write_request", "write_response", "read_request", "read_response"}) do
@@ -214,7 +214,7 @@ function M.all_frames(frames)
   return list
 end
 
--- The first of them, 0 where there is none.
+-- The first of them, 0 for none.
 local function first_frame(frames)
   local first = huge
   for _, frame in ipairs(M.all_frames(frames)) do first = min(first, frame) end
@@ -249,17 +249,16 @@ end
 -- The keys of a transaction, and what each is: a function of the job.
 local KEYS = {
   operation = operation, parameters = M.parameters, state = state, frames = frames_of,
-  stray = is_mismatch, -- its response is the one of another request
+  stray = is_mismatch, -- its response belongs to another request
   drive_ns = rules.drive_time_ns, -- for the statistics; no key of the report
 }
 
--- Keys that the job has under the same name: `meanings` is what the drive has said of its parameters, for
--- those that one of its frames shows.
+-- Keys that the job has under the same name: `meanings` is what the drive has said about its parameters.
 for _, key in ipairs({"order", "meanings"}) do
   KEYS[key] = function(job) return job[key] end
 end
 
--- The same of a part of the job.
+-- The same for a part of the job.
 for part, keys in pairs({
   record = {"slot", "index", "position"},
   peer = {"controller", "device", "vendor_id", "device_id", "vendor_assumed", "station", "family"},
@@ -273,7 +272,7 @@ for _, key in ipairs({"api", "subslot"}) do
   KEYS[key] = function(job) return job.record.api ~= NO_API and job.record[key] or nil end
 end
 
--- Of the header of a message: that of the request, or of the response to an unknown one.
+-- A header field: from the request, or from the response to an unknown one.
 for _, key in ipairs({"request_reference", "axis"}) do
   KEYS[key] = function(job)
     local head = job.message or job.response
@@ -285,8 +284,8 @@ for key, half in pairs({write_status = "write_response", read_status = "read_res
   KEYS[key] = function(job) return job[half] and job[half].status end
 end
 
--- How a record is called that says of parameters that they failed: "error", or "partial" where others did
--- not; nil of one that says so of none. For who shows the record; no key of the report.
+-- The word for a record with failed parameters: "error", or "partial" if others did not fail; nil if none
+-- failed. For those who show the record; no key of the report.
 function KEYS.failing(job)
   local response = job.response
   local blocks = response and not response.layout and response.blocks or NONE -- with a layout none did
@@ -325,7 +324,7 @@ function Open.__index(item, key)
   return value
 end
 
---- The transaction of a job as far as the job has got: each key is made when it is asked for.
+--- The transaction of a job so far: each key is made when it is asked for.
 -- Times are those of the job: nanoseconds, relative to `base_seconds` of the analysis.
 function M.open(job)
   local head = job.message or job.response
@@ -335,7 +334,7 @@ function M.open(job)
   }, Open)
 end
 
--- What is made of the response, which a closed job has no more; without a request all of it is.
+-- Keys that need the response, which a closed job no longer has; without a request all keys need it.
 local OF_RESPONSE = {parameters = true, state = true, stray = true, failing = true}
 local KEPT = {state = true, frames = true} -- all else is made each time
 
@@ -362,31 +361,31 @@ end
 
 -- All finished transactions of an analysis
 --
--- A job is kept as it was closed, without its decoded response, and becomes a transaction when somebody
--- asks: mostly nobody does while a file is read. Its keys are made when they are asked for: all of them are
--- three times as large.
+-- A job is kept as it was closed, without its decoded response. It becomes a transaction when somebody asks
+-- for it, which is rare while a file is read. Each key is made on request: all keys need three times as much
+-- room.
 
 local Store = {}
 Store.__index = Store
 
---- An empty store for closed jobs; dialects as those of the analysis.
+--- An empty store for closed jobs, with the dialects of the analysis.
 function M.store(codec)
   return setmetatable({
     codec = codec, closed = closed_class(codec),
-    all = {}, -- transactions, or jobs of which nobody asked yet, in the order in which they were finished
+    all = {}, -- transactions, or jobs that nobody has asked for yet, in the order in which they were finished
     places = {}, -- order of a job -> place in `all`
     below = nil,
   }, Store)
 end
 
---- A store that begins with what this one holds; what is added to it stays its own.
+--- A store that begins with the content of this one; later additions do not change this one.
 function Store:on_top()
   local store = M.store(self.codec)
   store.below = self
   return store
 end
 
---- Takes a transaction that is made already, one of a channel that is not paired from record calls.
+--- Takes a finished transaction of a channel without record calls.
 function Store:add_made(transaction)
   local place = #self.all + 1
   self.all[place], self.places[transaction.order] = transaction, place
@@ -435,7 +434,7 @@ function Store:forget(ar)
   return gone
 end
 
---- The transaction of a job, by the order in which the jobs began; nil where it is not finished.
+--- The transaction of a job, by the order in which the jobs began; nil if it is not finished.
 function Store:by_order(order)
   local place = self.places[order]
   if place then return transaction_at(self, place) end

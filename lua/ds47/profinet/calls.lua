@@ -1,17 +1,17 @@
 -- RPC calls: which response belongs to which request (docs/pairing.md, RPC level, P4 to P11).
 --
--- Tells copies, retransmissions and reused numbers apart and hands each call on exactly once. What a call
--- carries is records.lua's business; what it means for the parameter channel is pairing.lua's.
+-- Tells copies, retransmissions and reused numbers apart and hands each call on exactly once. records.lua
+-- parses what a call carries; pairing.lua knows what it means for the parameter channel.
 --
--- A call is {request = pdu, response = pdu or nil, in_part = true where fragments of a response were seen,
--- sent_ns = when the request was sent last, nil where it was sent once, context = whatever the layer above
--- keeps with it, later = the next one of its activity}.
+-- A call is {request = pdu, response = pdu or nil, in_part = true if fragments of a response were seen,
+-- sent_ns = when the request was last sent, nil if it was sent once, context = the records that it carries,
+-- set by the layer above, later = the next call of its activity}.
 --
--- An activity is {by_seq = its calls without a response, oldest and last = the ends of their chain, which is
--- in the order of their requests, count = how many there are, server = the one that was called last,
--- numbers = its sequence numbers (completeness.lua), anew = the frame in which a number was there for another
--- call: since then its client counts anew, doubled = that of a response that came again, though no request
--- did: one is missing, or a new call is; each 0 for none}.
+-- An activity is {by_seq = its calls without a response, oldest and last = the ends of their list, in the
+-- order of their requests, count = how many there are, server = the server that it called last, numbers = its
+-- sequence numbers (completeness.lua), anew = the frame that used a number for another call: the client
+-- counts anew from there, doubled = the frame of a response that came again without its request: a request
+-- is missing, or a new call; anew and doubled are 0 for none}.
 
 local completeness = require("ds47.profinet.completeness")
 local ordered = require("ds47.support.ordered")
@@ -27,35 +27,35 @@ local CallTracker = {}
 CallTracker.__index = CallTracker
 M.CallTracker = CallTracker
 
---- Feeds on whole RPC messages in the order of the capture.
+--- Takes whole RPC messages in the order of the capture.
 --
--- Memory is bounded by the limits; a call without response is reported as lost when it expires, and as
+-- Memory is bounded by the limits. A call without a response is reported as lost when it expires, and as
 -- pushed out when there are too many.
 -- @param limits the flat table of tables.lua (copy_ns, call_expiry_ns, datagrams, activities, calls,
 --   answered_calls, rpc_messages)
--- @param handlers a table with methods, who hear what becomes of a call in the order of the capture:
+-- @param handlers a table with methods for what happens to a call, in the order of the capture:
 --   asked(call); answered(call), by its response; failed(call, pdu), by a fault or reject; again(call, pdu),
---   its request once more; late(call), a request that comes behind its response and was sent before it;
+--   its request was repeated; late(call), its request came after its response, but was sent before;
 --   twice(call, pdu), a second response with other bytes; unasked(pdu, certain), a response without its
---   request, which is `certain` not to be in the capture; lost(call), for whose response nobody waits any
---   more; pushed_out(call, limit), the same for the limit of that name: it may still come
--- @param missing  hears of what is not in the capture (completeness.lua)
+--   request, `certain` if the capture has no part of that; lost(call), its response did not come in time;
+--   pushed_out(call, limit), the limit of that name gave it up: its response may still come
+-- @param missing  hears what the capture lacks (completeness.lua)
 function CallTracker.new(limits, handlers, missing)
   return setmetatable({
     limits = limits, handlers = handlers, activities = ordered.new(),
     completeness = missing or completeness.new(limits.activities),
     early = ordered.new(), -- the newest responses without a request
-    given_up = ordered.new(), -- the newest requests whose responses did not come in time
-    answered = ordered.new(), -- calls with a response that may still be repeated: the newest comes last
-    forgot = false, -- whether there were too many of them
+    given_up = ordered.new(), -- the newest requests without a response in time
+    answered = ordered.new(), -- answered calls that may still be repeated: the newest is last
+    forgot = false, -- whether some were forgotten because there were too many
     connects = ordered.new(), -- `rpc.pair` of client and server -> the frame of the newest Connect
-    begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
-    -- The newest datagrams by a key (`is_copy`), and those before them: when there are so many new ones that
-    -- they are enough (no `room` is left), the others are forgotten in one go.
+    begun_requests = ordered.new(), -- incomplete requests: only fragments were seen
+    -- The newest datagrams by a key (`is_copy`), and those before them. When there are enough (no `room` is
+    -- left), the newest ones become the earlier ones.
     recent = {}, earlier = {}, room = limits.datagrams,
-    alike = 0, -- how often they have to be forgotten until none has a long key
-    newest = nil, -- the call of the newest message; whoever feeds may forget it
-    asks_again = false, -- whether that is one whose request came again
+    alike = 0, -- after how many such changes none has a long key
+    newest = nil, -- the call of the newest message; the caller may forget it
+    asks_again = false, -- whether its request came again
     counts = {
       requests = 0, responses = 0, faults = 0, rejects = 0, pings = 0, working = 0, others = 0,
       copies = 0, retransmissions = 0, unanswered = 0,
@@ -70,7 +70,7 @@ local function same_datagram(one, other)
     and one.ptype == other.ptype and one.fragment == other.fragment
 end
 
--- A key of all that tells a datagram apart, for one whose number is that of another one.
+-- A key of all fields that tell a datagram apart, if another one has the same number.
 local function long_key(number, pdu)
   return ("%.0f"):format(number) .. pdu.activity .. pdu.seq .. "\0" .. pdu.source .. "\0"
     .. pdu.destination .. "\0" .. pdu.ptype .. "\0" .. pdu.fragment .. "\0"
@@ -79,22 +79,22 @@ end
 
 local function key_of(pdu) return pdu.conversation .. pdu.seq end
 
--- The call to which a PDU belongs, nil for none, and its activity.
+-- The call that a PDU belongs to, nil for none, and its activity.
 local function call_of(self, pdu)
   local activity = self.activities.values[pdu.conversation]
   return activity and activity.by_seq[pdu.seq], activity
 end
 
--- The wire doubled a message: of a request a device without a memory of its responses executes it once more.
+-- The wire doubled a message. A device that does not remember its responses executes a request again.
 local function came_again(self, pdu)
   if pdu.ptype ~= 0 then return self.completeness:doubled(pdu) end
   local call = self.answered:get(key_of(pdu)) or call_of(self, pdu)
   if call then call.again = pdu.frame end
 end
 
---- Whether the same datagram with the same IP id was here: it came twice, or the file holds it twice (P6).
--- @param ip_id the identification of its IP header; 0 is none, then it is a copy only within the copy window
--- @return that, and of a copy the frame of the first one
+--- Whether the same datagram with the same IP id was here: it came twice, or is in the file twice (P6).
+-- @param ip_id the identification of its IP header; 0 says nothing: then only the copy window counts
+-- @return that, and the frame of the first one for a copy
 function CallTracker:is_copy(pdu, ip_id)
   -- A number of 52 bits that nearly always tells a datagram apart. The IP id is in it as it is.
   local seq, fragment, recent = pdu.seq, pdu.fragment, self.recent
@@ -137,9 +137,9 @@ local function append(activity, seq, call)
   activity.last, activity.by_seq[seq], activity.count = call, call, activity.count + 1
 end
 
--- Takes a call out of its activity; `before`: the one before it, nil for the oldest. Who still has the call
--- does not keep those behind it alive.
--- @return the one behind it
+-- Takes a call out of its activity; `before`: the call before it, nil for the oldest. A reference to the
+-- removed call does not keep the later ones alive.
+-- @return the call after it
 local function take_out(activity, before, call)
   local later = call.later
   call.later = nil
@@ -166,13 +166,13 @@ local function lose(self, call)
   self.handlers:lost(call)
 end
 
--- Loses a call whose response, if it still comes, is too late.
+-- Loses a call: if its response still comes, it is too late.
 local function give_up(self, call)
   self.given_up:keep(key_of(call.request), true, self.limits.calls)
   lose(self, call)
 end
 
--- Whether the last datagram of a call is so old that its client repeats it no more.
+-- Whether the last datagram of a call is so old that its client no longer repeats it.
 local function is_old(self, call, now)
   local newest, response = call.sent_ns or call.request.time_ns, call.response
   if response and response.time_ns > newest then newest = response.time_ns end
@@ -194,7 +194,7 @@ local function lose_old(self, activity, pdu)
   for _, each in ipairs(lost or NONE) do give_up(self, each) end
 end
 
--- Gives up what is too old or too much. The usual case, that nothing is open, is on the way of every call.
+-- Gives up calls that are too old or too many. Every call passes here; usually nothing is open.
 local function expire(self, activity, pdu)
   if activity.oldest == nil then return end
   lose_old(self, activity, pdu)
@@ -220,17 +220,17 @@ local function make_room(self)
   end
 end
 
--- Whether the number of a call may stand for another one, also where the same bytes come once more.
+-- Whether the number of a call may now belong to another one, even with the same bytes.
 local function is_used_anew(self, activity, call, pdu)
   return activity ~= nil and activity.anew > call.request.frame or is_old(self, call, pdu.time_ns)
 end
 
--- Whether a Connect of its client to its server lies behind a frame.
+-- Whether there is a Connect of its client to its server after a frame.
 local function is_begun_since(self, pdu, frame)
   return (self.connects:get(pair(pdu.client, pdu.server)) or 0) > frame
 end
 
--- Whether the number of a call may stand for another one: its client repeats it no more (P8, P9).
+-- Whether the number of a call may now belong to another one: its client no longer repeats it (P8, P9).
 local function is_over(self, activity, call, pdu)
   return is_begun_since(self, pdu, call.request.frame) or is_used_anew(self, activity, call, pdu)
 end
@@ -242,7 +242,7 @@ local function is_retransmission(self, activity, call, pdu)
   return same and not is_over(self, activity, call, pdu)
 end
 
--- The activity of a PDU, which spoke last.
+-- The activity of a PDU, now the newest one.
 local function activity_of(self, pdu)
   local activities = self.activities
   local key = pdu.conversation
@@ -282,8 +282,8 @@ local function answer(self, activity, call, pdu)
   end
 end
 
--- The response that came before the request of a call, nil for none; and whether it is the other way round by
--- their times.
+-- The response that came before the request of a call, nil for none; and whether their times have the right
+-- order.
 local function early_response(self, pdu)
   if self.early.length == 0 then return nil end
   local early = self.early:pop(key_of(pdu))
@@ -291,7 +291,7 @@ local function early_response(self, pdu)
   return early, passed and passed >= 0 and passed <= self.limits.call_expiry_ns
 end
 
--- Whether a Read comes again whose first request is missing: its response was there before.
+-- Whether a Read is repeated, its first request is missing, and its response was captured before.
 local function was_read(self, pdu, early)
   local passed, reads = pdu.time_ns - early.time_ns, pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
   reads = reads and early.opnum == pdu.opnum and not is_begun_since(self, pdu, early.frame)
@@ -350,7 +350,7 @@ local function request(self, pdu)
   end
 end
 
--- Hears of a response or fault without its request; whether that certainly is not in the capture.
+-- Notes a response or fault without its request. Returns whether no part of the request was captured.
 local function unasked(self, pdu)
   local key, activity = key_of(pdu), self.activities.values[pdu.conversation]
   local begun = self.begun_requests:get(key) ~= nil
@@ -364,20 +364,20 @@ local function unasked(self, pdu)
   return not begun
 end
 
--- Whether a response or fault is a second one of a call; tells of it where it is another one.
+-- Whether a response or fault is a second one of a call. Reports `twice` if its bytes differ.
 local function answers_again(self, activity, pdu)
   local key = key_of(pdu)
   local call = self.answered:get(key)
   local before = call == nil and activity and self.early:get(key)
   if before then
-    -- Of the same call, whose request is missing.
+    -- Of the same call, but its request is missing.
     return pdu.time_ns - before.time_ns <= self.limits.call_expiry_ns
-  elseif call == nil then -- of what is forgotten the number alone is known
+  elseif call == nil then -- of a forgotten call only the number is known
     return self.forgot and activity ~= nil and not self.given_up:get(key) and activity.numbers:has(pdu.seq)
   elseif is_used_anew(self, activity, call, pdu) then
     return false
   end
-  if call.response.body == pdu.body then -- late, also behind a Connect
+  if call.response.body == pdu.body then -- late, even after a Connect
     self.completeness:doubled(pdu)
     if activity and not call.again then activity.doubled = pdu.frame end
   elseif is_over(self, activity, call, pdu) then
@@ -413,7 +413,7 @@ local function fault(self, pdu)
   end
 end
 
--- By the type of a PDU what takes it, and as what it is counted.
+-- Type of a PDU -> what takes it, and the name that counts it.
 local TAKE = {[0] = request, [2] = response, [3] = fault, [6] = fault}
 local COUNTED = {[0] = "requests", "pings", "responses", "faults", "working", [6] = "rejects"}
 
@@ -424,10 +424,10 @@ function CallTracker:take(pdu)
   if take then take(self, pdu) end
 end
 
---- Takes a call that is none of PROFINET: only its number counts.
+--- Takes a call of the endpoint mapper: only its number counts.
 function CallTracker:passes(pdu) activity_of(self, pdu).numbers:add(pdu) end
 
---- Takes a fragment that completes no message: its call is not without request or response.
+--- Takes a fragment that completes no message: its request or response is not entirely missing.
 function CallTracker:begun(pdu)
   if pdu.ptype == 0 then
     local begun = self.begun_requests
@@ -439,14 +439,13 @@ function CallTracker:begun(pdu)
   end
 end
 
---- The call without a response to which a part of one belongs; nil for none.
+--- The open call that a part of a response belongs to; nil if there is none.
 function CallTracker:open_call(pdu)
   local call = pdu.ptype == 2 and call_of(self, pdu)
   return call or nil
 end
 
---- Of pairs of stations the first call that is open though its client went on: a table of its frames by
--- `rpc.pair`.
+--- `rpc.pair` of two stations -> the frame of their first open call, if its client went on.
 function CallTracker:halves()
   local found, activities = {}, self.activities.values
   for _, call in ipairs(self:unanswered()) do
@@ -459,7 +458,7 @@ function CallTracker:halves()
   return found
 end
 
---- The calls without a response: those of the activity that spoke longest ago first, each in its order.
+--- The calls without a response, those of the least recent activity first, each in its order.
 function CallTracker:unanswered()
   local found = {}
   for _, activity in self.activities:iterate() do

@@ -4,17 +4,17 @@
 -- Opens one level of IODWriteMultiple (0xE040). Knows nothing of DS47: `data` is opaque bytes here.
 --
 -- A Half is {frame, time_ns, data, stated, missing, status, cut}. `data` is what a Write request or a
--- response carries ("" for nothing), `stated` the RecordDataLength, where that is another one than its
--- length: in a Read request the most that is wanted, else with `missing`, how much of the record is not
--- there. `status` is the PNIOStatus with ErrorCode first (nil where the PDU carries none), `cut` true where
--- the capture cut off a part of it: those bytes, or what stands before them.
+-- response carries ("" for nothing). `stated` is the RecordDataLength, if it differs from the length of
+-- `data`: in a Read request the most bytes wanted, else with `missing`, the missing bytes of the record.
+-- `status` is the PNIOStatus with ErrorCode first (nil if the PDU carries none). `cut` is true if the
+-- capture cut off a part of the message: these bytes, or something before them.
 -- A Record is {write, implicit, ar, api, slot, subslot, index, position, request, response, following};
 -- `position` is 0, or the place inside an IODWriteMultiple; `request` and `response` are halves or nil.
--- Nearly every call has one record. The others of an IODWriteMultiple hang on it: `following` is the next one
--- of a call, nil of the last; the same of the halves of a response.
+-- Nearly every call has one record. The records of an IODWriteMultiple are a linked list: `following` is the
+-- next one, nil for the last. So are the halves of its response.
 --
--- What records repeat stands in their metatable, `record.place`: a table with a few keys of its own is what
--- the plugin can afford for a frame. Halves have no metatable, and no key that says nothing.
+-- What records repeat is in their metatable, `record.place`: the plugin can afford only a few keys for each
+-- frame. Halves have no metatable, and leave out keys without information.
 
 local entries = require("ds47.support.later").entries
 local reader = require("ds47.support.bytes")
@@ -30,7 +30,7 @@ local AR, INDEX, STATUS = layout.RECORD_AR, layout.RECORD_INDEX, layout.RECORD_S
 local WRITE_MULTIPLE = layout.RECORD_WRITE_MULTIPLE
 local NIL_UUID = ("\0"):rep(16)
 M.WRITE_MULTIPLE, M.NIL_UUID = WRITE_MULTIPLE, NIL_UUID
-M.NO_API = -1 -- where there is neither API nor subslot: on PROFIBUS
+M.NO_API = -1 -- on PROFIBUS, which has neither API nor subslot
 
 local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
 
@@ -51,11 +51,11 @@ local RELEASE_BLOCKS = {[layout.BLOCK_RELEASE_REQUEST] = true, [layout.BLOCK_REL
 local FIRST_END = NDR + SIZE -- where the first block ends
 local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Release
 
---- Whether it is a response that the capture cut off before it says what became of the call.
+--- Whether the capture cut this response off before it shows the outcome of the call.
 function M.is_untold(half) return half.cut and not half.missing and (half.status or 0) == 0 end
 
---- The response to a call that has no block of its own: the status of the NDR header counts. Where the
--- capture cut the block off, that is so of a negative one alone: a Write may be refused in its block.
+--- The response to a record without a response block: it has the status of the NDR header. If the capture
+-- cut the block of a Write off, only a negative status counts: the block may hold a refusal.
 function M.without_block(pdu, status, write)
   local half = M.half(pdu.frame, pdu.time_ns, status)
   if pdu.cut then
@@ -70,9 +70,9 @@ function M.half(frame, time_ns, status)
   return {frame = frame, time_ns = time_ns, data = "", status = status}
 end
 
--- The fields of a place are those of its records: `write` to `position`. With them stand `spot`, a text for
--- slot, subslot and index, and the keys of its AR and its channel for the peer that spoke of it last
--- (`ar_key`, `channel_key`), which is always the same one but for ReadImplicit.
+-- A place has the fields `write` to `position` of its records. It also has `spot`, a text for slot, subslot
+-- and index, and the keys of its AR and its channel (`ar_key`, `channel_key`) for the last peer that used it.
+-- That peer changes only for ReadImplicit.
 
 --- Makes a place of a table with the fields `write` to `position`.
 function M.place(place)
@@ -123,15 +123,15 @@ end
 --- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).
 function M.ar_text(controller, device, ar) return controller .. "\0" .. device .. "\0" .. ar end
 
---- The device of an AR that is named by its `ar_text`; nil where it is no such name.
+--- The device in an `ar_text`; nil for any other text.
 function M.device_of(ar)
   local at = find(ar, "\0", 1, true)
   local ends = at and find(ar, "\0", at + 1, true)
   return ends and sub(ar, at + 1, ends - 1)
 end
 
---- Gives a place its keys for a peer, where it has not got those already (`place.peer`): `ar_key`, `ar_text`
--- of its AR, and `channel_key`, which names its channel (docs/pairing.md P14).
+--- Gives a place its keys for a peer: `ar_key` is the `ar_text` of its AR, `channel_key` names its channel
+-- (docs/pairing.md P14). `place.peer` is the peer that they are for.
 function M.know_peer(place, peer)
   local names = peer.controller .. "\0" .. peer.device
   place.peer, place.ar_key = peer, M.ar_text(peer.controller, peer.device, place.ar)
@@ -148,19 +148,19 @@ end
 --- What names the AR of a record, between two peers: its `ar_text`.
 function M.ar_key(peer, record) return place_for(peer, record).ar_key end
 
---- The same of a record at index 47; nil of any other.
+--- The same for a record at index 47; nil for any other.
 function M.ar_of_47(peer, record) return record.index == 47 and M.ar_key(peer, record) or nil end
 
 --- What names the channel of a record.
 function M.channel_key(peer, record) return place_for(peer, record).channel_key end
 
--- Hangs something on the last one of its kind; the first and the last one then.
+-- Appends an item to a linked list; returns the new first and last item.
 local function chained(first, last, item)
   if last then last.following = item end
   return first or item, item
 end
 
--- A half with the data behind the 0-based offset, as far as it is there.
+-- A half with the data from the 0-based offset on, as far as the capture has it.
 local function carrying(pdu, data, start, stated, status)
   local payload = sub(data, start + 1, start + stated)
   local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = payload, status = status}
@@ -186,9 +186,9 @@ local function parse_multiple(pdu, type, inner)
   return first, true, nested
 end
 
---- The records of a Read, Write or ReadImplicit request; what does not parse is absent.
--- @return the first of them (`record.following` is the next), nil for none; whether they are those of an
---   IODWriteMultiple, and whether another one stands inside it, whose records are not opened (P18)
+--- The records of a Read, Write or ReadImplicit request; what does not parse is left out.
+-- @return the first record (`record.following` is the next), nil for none; whether they are those of an
+--   IODWriteMultiple, and whether another one is inside it, which stays a single record (P18)
 function M.parse_request(pdu)
   local body, opnum = pdu.body, pdu.opnum
   local type = REQUEST_TYPES[opnum]
@@ -217,7 +217,7 @@ end
 
 --- The halves of a response, in the order of its blocks.
 -- @return the PNIOStatus of the NDR header (nil for an empty body); the first half (`half.following` is the
---   next), nil for none; whether they are those of an IODWriteMultiple, of which only the inner ones are told
+--   next), nil for none; whether they are the inner halves of an IODWriteMultiple
 function M.parse_answers(pdu)
   local body, opnum = pdu.body, pdu.opnum
   local type, status = RESPONSE_TYPES[opnum], number_at(body, 1, pdu.little)
@@ -234,7 +234,7 @@ end
 
 --- The PNIOStatus of the NDR header (nil for an empty body) and the response blocks as records.
 --
--- The blocks carry their own address, so that a response without its request can still be placed. An
+-- The blocks carry their own address, so that even a response without its request has one. An
 -- IODWriteMultiple gives its inner responses only.
 -- @return that, and the first record (`record.following` is the next), nil for none
 function M.parse_response(pdu)
@@ -251,24 +251,24 @@ function M.parse_response(pdu)
   return status, first
 end
 
--- The AR in the first block of a message, nil where that is of no such type or does not parse.
+-- The AR in the first block of a message; nil if the block has another type or does not parse.
 local function first_ar(pdu, types)
   local t1, t2 = byte(pdu.body, NDR + 1, NDR + 2)
   if #pdu.body < FIRST_AR + 16 or not types[t1 % 128 * 256 + t2] then return nil end
   return sub(pdu.body, FIRST_AR + 1, FIRST_AR + 16)
 end
 
---- The AR that a Release ends, by its request or response; nil where its block does not parse.
+--- The AR that a Release ends, from its request or response; nil if its block does not parse.
 function M.released_ar(pdu) return first_ar(pdu, RELEASE_BLOCKS) end
 
---- Whether a Connect request with an AR sets up one of which a controller has one with a device.
--- That is the AR of cyclic data (IOCARSingle, also with IRT); supervisors' ARs may stand beside it.
+--- Whether a Connect request sets up the AR of cyclic data (IOCARSingle, also with IRT). A controller has
+-- only one of these with a device. ARs of supervisors may exist beside it.
 function M.is_only_ar(pdu)
   local t1, t2 = byte(pdu.body, FIRST_AR - 1, FIRST_AR)
   return t2 ~= nil and ONLY_ARS[t1 * 256 + t2] or false
 end
 
---- The AR that a Connect sets up, by its request or response; nil where its first block is no ARBlock.
+--- The AR that a Connect sets up, from its request or response; nil if its first block is no ARBlock.
 function M.connected_ar(pdu) return first_ar(pdu, CONNECT_BLOCKS) end
 
 return M

@@ -1,4 +1,4 @@
--- What values mean, in words: of the profile, those that the tables list, connections, buffers of faults.
+-- What values mean, in words: values of the profile and of the tables, connections, buffers of faults.
 -- Python: ds47.report.values, where it is explained.
 
 local lookup = require("ds47.spec.lookup")
@@ -8,15 +8,15 @@ local floor, format = math.floor, string.format
 
 local M = {}
 
-local MOST = 8 -- values of one parameter that are told one by one
+local MOST = 8 -- the most values of one parameter that get words, one by one
 local OWN = 63 -- the drive object of a connection that stays within its own
 local NONE = {}
--- From here on a word of PKW has another value where it has a sign; types of the tables with which it may.
+-- From here on, a word of PKW has another value if it is signed; types in the tables that allow a sign.
 local HALF = { Word = 0x8000, DoubleWord = 0x80000000 }
 local OPEN = { unknown = true, Integer16 = true, Integer32 = true }
 
-M.PLACES = 8 -- of one situation in a buffer
-M.LEADING = { number = true, code = true } -- what of an entry says that there is one
+M.PLACES = 8 -- elements for one situation in a buffer
+M.LEADING = { number = true, code = true } -- columns of a buffer that show whether there is an entry
 
 local function are_whole(values)
   for _, value in ipairs(values) do
@@ -27,7 +27,7 @@ end
 
 local function listed(row, lang) return row and (lang == "zh" and row.values_zh or row.values_en) or NONE end
 
--- The text of each value; a value without one stays a number, and none at all is told.
+-- The text of each value; a value without one stays a number. nil if no value has a text.
 local function texts(row, values, told, words, lang)
   local known, found, any = listed(row, lang), {}, false
   if #values > MOST then return nil end
@@ -39,7 +39,7 @@ local function texts(row, values, told, words, lang)
   return any and found or nil
 end
 
--- `from r0722.2`, of the 32 bits that name a signal of the same drive object; nil of any others.
+-- `from r0722.2`, for 32 bits that name a signal of the same drive object; else nil.
 local function connection(kind, values, words, lang)
   local value = values[1]
   if #values ~= 1 or value <= 0xFFFF or value > 0xFFFFFFFF then return nil end
@@ -53,8 +53,8 @@ local function connection(kind, values, words, lang)
   return { name and words.joined(lang, { told, name }) or told }
 end
 
--- The entries of a buffer that are not 0, by what they belong to: eight places each. Only a number or a code
--- says that there is no fault, as a value may be 0.
+-- The entries of a buffer that are not 0, by situation: eight elements each. Only a missing number or code
+-- shows that there is no fault: a value may be 0.
 local function buffer(row, first, values, told, words, lang)
   local kind, column = row.buffer, row.entry and row.entry[2]
   local found, active, situation, entries, gone = {}, false, nil, nil, {}
@@ -91,7 +91,7 @@ local function buffer(row, first, values, told, words, lang)
   return found[1] and { words.joined(lang, found, "; ", "；") } or nil
 end
 
--- `signed -25`: a word of PKW, which has no type, and of which nothing else tells it.
+-- `signed -25`: for a word of PKW, which has no type, if nothing else says its type.
 local function signed(item, words, lang)
   local value, half, row = item.values[1], HALF[item.format], item.listed
   if item.element_count or item.described or row and not OPEN[row.type] then return nil end
@@ -99,8 +99,8 @@ local function signed(item, words, lang)
   return { words.say(lang, "value_signed", { value = format("%d", value - 2 * half) }) }
 end
 
---- What the values of a parameter mean: an array of texts; nil where they say it themselves.
--- @param item  a parameter; `told` is what lists of the user say of single values
+--- What the values of a parameter mean: an array of texts; nil if there is nothing to add.
+-- @param item  a parameter; `told` has the texts for single values from lists of the user
 -- @param words the module formatting.lua, which has the language
 function M.parts(item, words, lang)
   local pnu, values, row = item.pnu, item.values, item.listed

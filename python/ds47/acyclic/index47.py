@@ -1,8 +1,8 @@
 """Which record calls are ours (docs/pairing.md, "Which records are ours").
 
-0xB02E, 0xB02F and the indices a user names always are. Index 47 belongs to whoever made the module, and devices
-that are no drives keep values there: what comes on it waits here until that AR proves to use the parameter
-channel; then all of it, in its order, goes on.
+Records of 0xB02E, 0xB02F and the indices that a user names are always ours. Index 47 belongs to the maker of the
+module, and other devices than drives keep values there. So events at index 47 wait here until their AR proves
+that it uses the parameter channel. Then all of them go on, in their order.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ ArKey = tuple[str, str, bytes]
 Place = tuple[int, int, int]
 """API, slot, subslot."""
 Event = Any
-"""What waits: plain data, of which nothing is known here."""
+"""What waits: any plain data."""
 
 NEGATIVE = 0x80
-"""The response ids from here on are those of requests that were not done."""
+"""Response ids from here on mean that a request failed."""
 _HEADER = 4
-"""Bytes of a message that a request and its response may have in common."""
+"""Bytes that a request and its response may have in common."""
 _SENT = 4
-"""Writes of a place that a Read of it may bring: the newest may be refused, or under way."""
+"""How many Writes of a place to compare with a Read: the newest may be refused or still pending."""
 _ADDRESSLESS = frozenset({"DS305", "DS306"})
 """Unknown attribute, PNU 0."""
 
 
 def is_question(request: Request) -> bool:
-    """Whether a request is one by itself (P20): it decodes to its end, with known attributes and PNUs."""
+    """Whether a request is a question (P20): it decodes to its end, with known attributes and no PNU 0."""
     return request.shaped and not any(flaw.rule in _ADDRESSLESS for flaw in request.flaws)
 
 
 def _is_echo(sent: bytes, data: bytes) -> bool:
-    """Whether a record is what was written once more, of another length too; behind its header no response is."""
+    """Whether a Read returns what was written, perhaps with another length: it agrees beyond the header."""
     both = min(len(sent), len(data))
     return data == sent or (both > _HEADER and data[:both] == sent[:both])
 
 
 class _Waiting:
-    """What waits of one AR."""
+    """The waiting events of one AR."""
 
     __slots__ = ("asked", "asks", "events", "first", "question", "records", "stores")
 
@@ -56,27 +56,26 @@ class _Waiting:
         self.asked: OrderedDict[Place, Request] = OrderedDict()
         """The newest Write of each place."""
         self.question = False
-        """Whether a question proves the AR, as far as nothing was read: what waits here happened, too,"""
+        """Whether the AR has sent a question: its events went on already, and also wait here."""
         self.stores = False
-        """and whether it wrote to a store, where none does."""
+        """Whether the AR wrote to a store: then a question proves nothing."""
         self.first = 0
-        """The frame of the first record,"""
+        """The frame of the first record."""
         self.records = 0
-        """how many there were (requests, and responses without their request),"""
+        """The number of records: requests, and responses without their request."""
         self.asks = False
-        """and whether there was a request."""
+        """Whether there was a request."""
 
 
 class Index47:
     """Holds events of index 47 back until their AR has proved itself.
 
     Args:
-        extra: record indices that are ours whatever they hold.
-        waiting: how many events of one AR, and how many ARs, may wait; the oldest goes first.
-        waiting_ars: how many times as many events may wait of all ARs together.
-        proven: how many ARs that have proved themselves are remembered; the one that spoke last goes
-            last.
-        told: is told of an AR that has a question ("questions"), and when more than that proves it ("proven").
+        extra: further record indices that are always ours.
+        waiting: how many events of one AR, and how many ARs, may wait; the oldest is dropped first.
+        waiting_ars: all ARs together may have this many times `waiting` events.
+        proven: how many proven ARs to remember; the least recent one is forgotten first.
+        told: gets "questions" when an AR sends a question, and "proven" when that AR is proved.
     """
 
     def __init__(
@@ -89,29 +88,29 @@ class Index47:
     ) -> None:
         self._told = [] if told is None else told
         self.always = ALWAYS | extra
-        """The indices that are ours whatever they hold."""
+        """The indices that are always ours."""
         self.concerned = self.always | {SHARED_INDEX}
-        """The indices of which a record can be ours at all."""
+        """The indices that can be ours."""
         self._waiting = waiting
         self._most_events = waiting * waiting_ars
         self._most_open = proven
         self.open: OrderedDict[ArKey, None] = OrderedDict()
-        """The ARs that have proved themselves; the one that spoke last comes last."""
+        """The proven ARs; the one with the newest event is last."""
         self._held: OrderedDict[ArKey, _Waiting] = OrderedDict()
         self._events = 0
         self.drives: OrderedDict[tuple[str, Place], bool] = OrderedDict()
-        """Submodules that have responded at 0xB02E or 0xB02F; False: that are a store at 47."""
+        """Submodules: True, if they have responded at 0xB02E or 0xB02F; False, if they are a store at 47."""
         self._sent: OrderedDict[tuple[str, Place], deque[bytes]] = OrderedDict()
-        """The bytes of the newest Writes of a place, whoever waits that wrote them."""
+        """The bytes of the newest Writes to a place, from any AR that waits."""
         self._unproven: OrderedDict[str, tuple[int, int, bool]] = OrderedDict()
-        """Of ARs that do not wait any more, by device: the first frame, how many records, and whether any asks."""
+        """Device -> first frame, number of records, whether there was a request: for ARs that no longer wait."""
 
     def waits(self, device: str) -> bool:
-        """Whether anything waits that was asked of a device, perhaps a change of a parameter."""
+        """Whether events of a device wait: they may include a change of a parameter."""
         return any(ar[1] == device and not held.question for ar, held in self._held.items())
 
     def passes(self, ar: ArKey, index: int) -> bool:
-        """Whether an event may go on now; the AR has spoken then."""
+        """Whether an event may go on now. Notes that the AR is in use."""
         if ar in self.open:
             self.open.move_to_end(ar)
             return True
@@ -120,9 +119,10 @@ class Index47:
     def pass_on(
         self, ar: ArKey, event: Event, *, proves: bool = False, asks: bool = False
     ) -> Sequence[Event]:
-        """Of an event that does not pass: it waits; or it proves its AR, and goes on behind those that waited.
+        """Takes an event that does not pass. Returns the events that go on now.
 
-        `asks`: it is a question. That proves its AR until a Read shows a store; so what goes on waits, too.
+        The event waits; or it `proves` its AR, and goes on after those that waited. `asks`: it is a question. Then
+        the events go on, but also stay here: a Read may show a store.
         """
         if proves:
             return [*self._prove(ar), event]
@@ -137,7 +137,7 @@ class Index47:
         return [*before, event] if goes_on else ()
 
     def follow(self, ar: ArKey, event: Event) -> None:
-        """Lets an event wait behind those that wait for an AR; where none does, it is not needed."""
+        """Lets an event wait behind the others of its AR; drops it if none waits."""
         held = self._held.get(ar)
         if held is None:
             return
@@ -156,7 +156,7 @@ class Index47:
             self._leave(oldest, gone)
 
     def responded(self, device: str, place: Place, data: bytes, codec: Options) -> None:
-        """A record was read at 0xB02E or 0xB02F: with the shape of a response its submodule is that of a drive."""
+        """A record was read at 0xB02E or 0xB02F: if it looks like a response, the submodule is a drive's."""
         if decode_response(data, None, codec).shaped:
             self._put(device, place, drive=True)
 
@@ -166,12 +166,12 @@ class Index47:
             self.drives.popitem(last=False)
 
     def is_of_drive(self, device: str, place: Place) -> bool:
-        """Whether a place is that of a drive, whoever asks there: under the API of PROFIdrive, or it responded."""
+        """Whether a place is a drive's: it is in the API of PROFIdrive, or has responded."""
         there = RECORD_PROFIDRIVE_API, *place[1:]
         return place == there or any(self.drives.get((device, each)) for each in (place, there))
 
     def heard(self, ar: ArKey, frame: int, *, asks: bool) -> None:
-        """A record waits now: a request, or a response without one."""
+        """Counts a record that waits: a request, or a response without one."""
         held = self._held.get(ar)
         if held is not None:
             held.first = held.first or frame
@@ -179,13 +179,13 @@ class Index47:
             held.asks |= asks
 
     def unheard(self, ar: ArKey) -> None:
-        """A response that was heard has a request after all, which is heard next."""
+        """A counted response has a request after all, which is counted next."""
         held = self._held.get(ar)
         if held is not None:
             held.records -= 1
 
     def asked(self, ar: ArKey, place: Place, request: Request, data: bytes) -> None:
-        """A Write waits: a response that mirrors it is to prove that it is a request."""
+        """A Write waits: a matching response will prove that it is a parameter request."""
         held = self._held.get(ar)
         if held is None:
             return
@@ -200,13 +200,13 @@ class Index47:
             self._sent.popitem(last=False)
 
     def asks(self, device: str, place: Place, request: Request) -> bool:
-        """Whether a Write is a question, as far as its place is no store."""
+        """Whether a Write is a question, and its place is not known as a store."""
         return is_question(request) and self.drives.get((device, place)) is not False
 
     def echoed(self, ar: ArKey, place: Place, data: bytes) -> Sequence[ArKey] | None:
-        """A Read brought a record: if it is what was written once more, the ARs that a question proved (P20).
+        """A Read brought a record. If that only returns what was written: ARs with a question (P20), else None.
 
-        Whoever wrote: a store has one for all. A question proves none of those who wrote there any more.
+        It does not matter who wrote: all share one store. From now on a question proves no AR that wrote there.
         """
         device, spot = ar[1], (ar[1], place)
         if not any(_is_echo(sent, data) for sent in self._sent.get(spot, ())):
@@ -222,7 +222,7 @@ class Index47:
         return gone
 
     def answers(self, ar: ArKey, place: Place, data: bytes, codec: Options) -> bool:
-        """Whether a record that is no echo is the response to the Write that waits (P20)."""
+        """Whether a record that is no echo is the response to the waiting Write (P20)."""
         held = self._held.get(ar)
         request = held.asked.get(place) if held is not None else None
         if request is None:
@@ -231,7 +231,7 @@ class Index47:
         if unknown or not kind_fits(request, data):
             return False
         response = decode_response(data, request, codec)
-        refuses = data[1] >= NEGATIVE  # it may be what lacks bytes that is refused
+        refuses = data[1] >= NEGATIVE  # the reason may be that bytes are missing
         return (
             response.request_reference == request.request_reference
             and response.shaped
@@ -239,7 +239,7 @@ class Index47:
         )
 
     def unproven(self) -> Iterator[tuple[str, tuple[int, int, bool]]]:
-        """Each device of which no AR has proved itself: the first frame, how many records, whether any asks."""
+        """Each device without a proven AR: the first frame, the number of records, whether there was a request."""
         questions = [ar for ar, held in self._held.items() if held.question]
         for ar in questions:
             self._prove(ar)
@@ -249,7 +249,7 @@ class Index47:
         yield from (each for each in self._unproven.items() if each[0] not in drives)
 
     def _leave(self, ar: ArKey, held: _Waiting) -> None:
-        """What waits of an AR will not be ours."""
+        """The events of an AR do not wait any longer, and are not ours."""
         if not held.records:
             return
         first, records, asks = self._unproven.get(ar[1], (held.first, 0, False))
@@ -266,7 +266,7 @@ class Index47:
         if held is None:
             return ()
         self._events -= len(held.events)
-        if held.question:  # they went on
+        if held.question:  # they went on already
             self._told.append(("proven", ar, None))
             return ()
         return held.events

@@ -1,8 +1,8 @@
 """Judgement: a job, its request and its response to findings (spec/rules.toml has the catalogue).
 
-Everything that compares a request with its response, or a transaction with its history, stands here.
-What is wrong inside one message is found by the codec (`Flaw`) and only passed on; what is wrong with
-the transport is reported by `record_calls` and `record_events`.
+Compares a request with its response, and a transaction with its history. The codec finds what is wrong inside
+one message (`Flaw`); that is only passed on. `record_calls` and `record_events` report what is wrong with the
+transport.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ WRONG_COUNT: Final = 0x18
 TOO_MANY: Final = "DS304"
 """More parameters than usual."""
 ABSENT: Final = frozenset(("DS311", "DS313", "DS314", "DS315", "DS412"))
-"""Flaws of which a message that the capture cut shows nothing: pad, bytes left over or missing, error block."""
+"""Flaws that do not count in a message cut by the capture: pad, bytes left over or missing, error block."""
 
 
 Reach = tuple[int, int, int]
-"""A way to a drive object: slot, subslot and axis byte; no axis (-1) where that does not count.
+"""A way to a drive object: slot, subslot and axis byte; -1 if the axis byte does not count.
 
-Two requests that go the same way reach the same drive object, whatever the device makes of the three.
+Two requests that go the same way reach the same drive object, however the device uses the three.
 """
 
 Asker = tuple[str, str, int, int, int, int, int | None]
-"""Who asks where: controller, device, API, slot, subslot, index and axis byte; over whichever AR."""
+"""Who asks where: controller, device, API, slot, subslot, index and axis byte; over any AR."""
 Ways = OrderedDict[Asker, tuple[int, Reach]]
-"""Of usual jobs the frame that asked so first, and the way."""
+"""Asker of usual jobs -> the frame of the first request, and its way."""
 
 _K = TypeVar("_K")
 _V = TypeVar("_V")
@@ -52,7 +52,7 @@ _V = TypeVar("_V")
 def is_mismatch(job: Job) -> bool:
     """Whether the response cannot be the answer to the request (docs/pairing.md, states).
 
-    What of the two headers the capture cut off speaks against nothing.
+    Header fields that the capture cut off do not count.
     """
     request, response = job.message, job.response
     half, read = job.write_request, job.read_response
@@ -79,9 +79,9 @@ def is_cut_off(half: Half, block: Block) -> bool:
 
 
 def drive_time_ns(job: Job) -> int | None:
-    """The drive's share of the duration, nanoseconds: without the pause the program made before its first Read.
+    """The drive's share of the duration, in nanoseconds: without the pause of the program before its first Read.
 
-    None where that is not known: the duration, when the Write was accepted, or when the first Read was asked for.
+    None if the duration, the time of the Write response or that of the first Read request is unknown.
     """
     write, accepted, read = job.write_request, job.write_response, job.read_response
     if write is None or accepted is None or read is None:
@@ -94,29 +94,29 @@ def drive_time_ns(job: Job) -> int | None:
 
 
 def asker(job: Job, axis: int | None) -> Asker:
-    """Who asks where by a job."""
+    """The asker of a job."""
     controller, device, _, api, slot, subslot, index = job.key
     return controller, device, api, slot, subslot, index, axis
 
 
 class Seen(NamedTuple):
-    """In which format a parameter was read, and first where; or as which type it is described."""
+    """The format in which a parameter was read, or the type that its description says; and the frame."""
 
     format: int
     frame: int
 
 
 class Shown:
-    """What responses have shown of devices: the judge looks it up, and `ds47.diagnosis` adds what is new."""
+    """What responses have shown about devices: `ds47.diagnosis` adds to it, and the judge looks it up."""
 
     def __init__(self) -> None:
         self.ways: Ways = OrderedDict()
         self.formats: OrderedDict[tuple[str, Reach, int], Seen] = OrderedDict()
-        """Format in which a parameter was read last in one and the same way."""
+        """Device, way and PNU -> the format of the last read."""
         self.longest: OrderedDict[str, int] = OrderedDict()
-        """Bytes of the longest response of a device."""
+        """Device -> bytes of its longest response."""
         self.axes: OrderedDict[str, frozenset[int]] = OrderedDict()
-        """Axes of a device that answered where the axis byte counts."""
+        """Device -> axes that answered, if the axis byte counts."""
 
 
 class Judge:
@@ -124,8 +124,8 @@ class Judge:
 
     Args:
         limits: numbers of spec/limits.toml.
-        slow_ns: from which share of the drive a transaction is slow.
-        unseen: whether a change may have come behind a frame that nobody has told of (`ReadBack`).
+        slow_ns: a transaction is slow if the drive's share is longer.
+        unseen: whether an unknown change may have come after a frame (`ReadBack`).
     """
 
     def __init__(self, limits: Limits, slow_ns: int, unseen: Callable[[Peer, int], bool]) -> None:
@@ -135,19 +135,19 @@ class Judge:
         self._written.pnus.update((PNU_ACCESS_IDENTIFICATION, DO_IDENTIFICATION))
         self.shown = Shown()
         self._longest: OrderedDict[str, int] = OrderedDict()
-        """r0974[0] of a device,"""
+        """Device -> its r0974[0], bytes of a message."""
         self._most: OrderedDict[str, int] = OrderedDict()
-        """and r0974[1]: parameters of one request."""
+        """Device -> its r0974[1], parameters of a request."""
         self._misfits: OrderedDict[tuple[str, int, int, int, int], Half] = OrderedDict()
-        """By place the last change whose number of values was refused, though its counts agree."""
+        """Place -> the last change that was refused for its number of values."""
 
     @property
     def objects(self) -> DriveObjects:
-        """What the capture shows of drive objects; it grows with what is answered."""
+        """What the capture shows about drive objects; it grows with each response."""
         return self._written.objects
 
     def asked(self, job: Job) -> None:
-        """A Write request asks for something. Call in the order of the capture."""
+        """A Write asks for a change. Call in the order of the capture."""
         self._written.asked(job)
 
     def refused(self, job: Job) -> None:
@@ -160,7 +160,7 @@ class Judge:
         self._written.connected(device, frame)
 
     def answered(self, job: Job) -> list[Remark]:
-        """What its response, and the values in it, say of a job. Call in the order of the capture."""
+        """The findings about the response of a job and its values. Call in the order of the capture."""
         remarks: list[Remark] = []
         message, response = job.message, job.response
         job.stray = is_mismatch(job)
@@ -188,7 +188,7 @@ class Judge:
         return remarks
 
     def unanswered(self, job: Job, *, dropped: bool) -> list[Remark]:
-        """What is to be said of a job that is closed without a response.
+        """The findings about a job that is closed without a response.
 
         `dropped`: the capture says that frames are missing.
         """
@@ -214,7 +214,7 @@ class Judge:
         return remarks
 
     def _sent(self, job: Job, remarks: list[Remark]) -> None:
-        """What its request says, and Reads that were refused or brought nothing."""
+        """The findings about the request, and about Reads that were refused or brought nothing."""
         half, message, read = job.write_request, job.message, job.read_response
         if half is not None and message is not None:
             if message.flaws:
@@ -235,7 +235,7 @@ class Judge:
             remarks.append(Remark("DS207", empty.frame))
 
     def _most_parameters(self, job: Job) -> int | None:
-        """How many parameters of one request the device takes, as far as it has shown; None: not at all."""
+        """The most parameters of one request that the device is known to take; None if unknown."""
         request, response = job.message, job.response
         most = self._most.get(job.peer.device)
         if request is None or response is None or job.stray:
@@ -244,7 +244,7 @@ class Judge:
         return answered if answered == len(request.addresses) == request.parameter_count else most
 
     def closed(self, job: Job) -> list[Remark]:
-        """What its Write response says of a job, which may come after the Read. Nothing more comes now."""
+        """The findings about the Write response of a closed job; that response may come after the Read."""
         half, read = job.write_response, job.polls[0][0] if job.polls else job.read_request
         if half is None or read is None or half.status or half.frame > read.frame or job.rereads:
             job.usual = False
@@ -254,7 +254,7 @@ class Judge:
         return [Remark("DS203", half.frame, {"status": status_hex(half.status)}, job=job)]
 
     def _is_known(self, job: Job) -> bool:
-        """Whether a usual job shows nothing but values; a change is more than what it shows."""
+        """Whether a usual job shows nothing but values. A change never is: it has an effect."""
         asked, message = job.write_request, job.message
         read, response = job.read_response, job.response
         if asked is None or message is None or read is None or response is None:
@@ -279,7 +279,7 @@ class Judge:
         return True
 
     def _response(self, job: Job, remarks: list[Remark]) -> bool:
-        """Returns whether it tells more than values: an error, what the device is, or what was written before."""
+        """Returns whether the response has more than values: an error, data about the device, or a readback."""
         half, response, request = job.read_response, job.response, job.message
         assert half is not None
         if response is not None and response.flaws:
@@ -312,7 +312,7 @@ class Judge:
         return tells
 
     def _time(self, job: Job, remarks: list[Remark]) -> None:
-        """How long the drive took, of a job that took longer than that or was polled for."""
+        """The findings about the time of a job that was slow, or was polled."""
         half, accepted = job.read_response, job.write_response
         assert half is not None
         polls = job.not_ready if job.polls else []
@@ -324,14 +324,14 @@ class Judge:
                 limit = self._limits.polling_ns // 1_000_000
                 args = {"milliseconds": since / 1e6, "limit": limit}
                 remarks.append(Remark("DS205", half.frame, args))
-        late = accepted is not None and accepted.frame > half.frame  # it came behind the response
+        late = accepted is not None and accepted.frame > half.frame  # it came after the response
         share = None if late else drive_time_ns(job)
         if share is not None and share > self._slow_ns and half.data and not job.read_before:
             args = {"milliseconds": share / 1e6, "limit": self._slow_ns // 1_000_000}
             remarks.append(Remark("DS416", half.frame, args))
 
     def _read_back(self, job: Job, remarks: list[Remark]) -> None:
-        """Compares what is read with what was written last."""
+        """Compares what was read with what was written last."""
         for args in self._written.read(job):
             assert job.read_response is not None
             offset = args.pop("offset")
@@ -350,7 +350,7 @@ class Judge:
                     self._learn(memory, job.peer.device, value)
 
     def _other_length(self, job: Job, remarks: list[Remark]) -> None:
-        """A change that is accepted differs from one that was refused in nothing but its length."""
+        """Finds an accepted change that differs from a refused one only in its length (DS419)."""
         half, response, record = job.write_request, job.response, job.record
         if half is None or response is None or half.missing:
             return
@@ -404,7 +404,7 @@ def _error_args(job: Job, block: Block, address: Address | None) -> dict[str, An
 
 
 def _unasked(job: Job) -> dict[str, Any]:
-    """How a response comes to stand alone: a key of diagnoses.toml, and the request before it."""
+    """Why a response has no request: a key of diagnoses.toml, and the request before it."""
     if job.record.implicit:
         return {"case": "unasked_without_ar" if job.repeats is None else "unasked_again"}
     if job.previous is None:
@@ -413,9 +413,9 @@ def _unasked(job: Job) -> dict[str, Any]:
 
 
 def _flaws(flaws: list[Flaw], half: Half, remarks: list[Remark], most: int | None) -> None:
-    """What is wrong inside a message; what the capture cut off is no fault of it.
+    """Adds what is wrong inside a message; what the capture cut off is not its fault.
 
-    `most`: how many parameters the device has shown to take; None for the usual number.
+    `most`: the most parameters that the device is known to take; None for the usual number.
     """
     for flaw in flaws:
         args = flaw.args
@@ -436,9 +436,9 @@ def _is_change(job: Job) -> bool:
 
 
 def _count(frame: int, job: Job, block: Block, address: Address, remarks: list[Remark]) -> None:
-    """Fewer or more values than were asked for.
+    """Finds fewer or more values than requested.
 
-    Count 0 asks for the whole simple parameter, one value at least; a string has as many as characters.
+    Count 0 asks for a whole parameter without index: at least one value; a string has one for each character.
     """
     asked, got = address.element_count or 1, block.value_count
     if address.attribute != VALUE:

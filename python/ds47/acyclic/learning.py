@@ -22,14 +22,14 @@ _BROKEN: Final = frozenset(("DS309", "DS313", "DS315"))
 
 
 def answered(dictionary: Dictionary, job: Job) -> None:
-    """A job has its response: what it describes is learned, and what its parameters are is asked."""
+    """A job has its response: learns its descriptions, then looks its parameters up."""
     if job.message is not None and job.message.describes and job.message.operation == "read":
         _learn(dictionary, job, job.message)
     ask(dictionary, job)
 
 
 def ask(dictionary: Dictionary, job: Job) -> None:
-    """What the drive has said so far about the parameters of a job."""
+    """Notes on a job what the drive has said so far about its parameters."""
     if dictionary.is_empty or job.message is None:
         return
     access, peer = access_of(job), job.peer

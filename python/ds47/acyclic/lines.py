@@ -1,7 +1,7 @@
 """What PROFIBUS adds to an analysis: its line, its stations, records over MS1 and MS2, and PPOs.
 
-Made when the first frame of a line comes: few captures have one. The steps are modules of their own; here they are
-only joined, as those of PROFINET are in `analysis`.
+Created with the first frame of a line, because few captures have one. The steps are modules of their own; this one
+only joins them, as `analysis` joins those of PROFINET.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ class ProfibusLine:
 
     Args:
         limits: numbers of spec/limits.toml.
-        events: hears of records,
-        pairing: and of stations that start up.
+        events: hears of records.
+        pairing: hears of stations that start up.
         queue: gets findings about services, and answered Writes to an index that is not ours.
         cyclic: takes PPOs.
-        ppos: numbers of PPO by the address of the station, for captures without Chk_Cfg.
+        ppos: station address -> number of its PPO, for captures without Chk_Cfg.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class ProfibusLine:
         self._bus.take(frame.link_type, frame.data, frame.number, frame.time_ns, cut)
 
     def finish(self) -> None:
-        """No frame comes any more."""
+        """The capture is over."""
         self._bus.finish()
         self._stations.finish(self.line.paused())
         for became in self._services.finish():
@@ -82,18 +82,18 @@ class ProfibusLine:
             self._ms1.take(became)
 
     def remarks(self) -> Iterator[Remark]:
-        """What the line shows when it is over."""
+        """The findings about the line when the capture is over."""
         return self._judge.finish(self._stations)
 
     def result(self, timed: bool) -> Bus | None:
-        """As the result has it; `timed`: whether the recording has times."""
+        """The line for the result; `timed`: whether the recording has times."""
         return self._stations.result(self.line.stray, self.line.echoes, timed)
 
     def unseen(self, device: str) -> int:
-        """The newest frame before which something that was said with a station was not seen; 0 for none."""
+        """The newest frame after a possible gap in the traffic of a station; 0 for none."""
         return max(self.line.unsure, self.line.lost(int(device.removeprefix(STATION))))
 
     def was_never_written(self, device: str, index: int, frame: int) -> bool:
-        """Whether nothing was written to an index of a station since its start-up, which the capture has."""
+        """Whether the capture has the start-up of a station, and no Write to this index since."""
         seen = self._start_ups.seen(device, frame, self.unseen(device))
         return seen and not self._ms1.was_written(device, index, frame)

@@ -1,7 +1,7 @@
 """Services of MS1 and MS2 on PROFIBUS to the same events as RPC calls on PROFINET (docs/profibus.md 6).
 
-Sits between the services (`services`) and the records (`record_events`), as `record_calls` does for RPC.
-Which frames a service has, and what is wrong with them, is not here.
+Passes services (`services`) to the records (`record_events`), as `record_calls` does for RPC. Not here: the
+frames of a service, and what is wrong with them.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from ds47.profinet.records import Peer, Record
 
 
 class Ms1Calls:
-    """Takes what becomes of services (`services`).
+    """Takes what happens to services (`services.Became`).
 
     Args:
         events: hears of every record that may be ours.
         queue: gets what is wrong with a request, and answered Writes that cannot be ours, or have no request.
-        judge: hears of refusals of what is not ours, and of polls.
+        judge: hears of polls, and of refused services that are not ours.
         idents: knows the makers of stations.
     """
 
@@ -45,12 +45,12 @@ class Ms1Calls:
         self._queue = queue
         self._judge = judge
         self._written: dict[tuple[str, int], int] = {}
-        """Stations and indices that were written there, with the frame of the first time."""
+        """Station and index -> the frame of the first Write."""
         self._open: dict[ServiceCall, Record] = {}
-        """The services that are open."""
+        """The open services that are ours."""
 
     def take(self, became: Became) -> None:
-        """What became of a service."""
+        """Something happened to a service."""
         what, call = became
         if what == "asked":
             self._asked(call)
@@ -68,7 +68,7 @@ class Ms1Calls:
         return self._written.get((device, index), before) < before
 
     def _whose(self, call: ServiceCall) -> Record:
-        """Its record, with whose it is."""
+        """The record of a call, now with its peer."""
         who = peer(call.master, call.station, self._idents.family(call.station))
         call.record = call.record.of(who, ours=call.record.index in self._events.concerned)
         return call.record
@@ -92,7 +92,7 @@ class Ms1Calls:
             self._queue.append(("remark", Remark("DS809", half.frame, args), None))
 
     def _judged(self, call: ServiceCall, ours: bool) -> None:
-        """To the judge: how long the answer took, and whether it is a refusal of what is not ours."""
+        """Tells the judge how long the answer took, and of a refusal that is not ours."""
         record, half = call.record, call.record.response
         if half is None:
             return
@@ -134,9 +134,9 @@ class Ms1Calls:
 
 
 class StartUps:
-    """Hears of the exchanges of a line, for the stations that get their parameters (Set_Prm).
+    """Takes the exchanges of a line, and finds stations that get their parameters (Set_Prm).
 
-    A station may have been switched off and on before that, as a device before its Connect.
+    A station may have been switched off and on before that, like a device before its Connect.
 
     Args:
         started: gets the station, and the frame.
@@ -149,11 +149,11 @@ class StartUps:
         self._seen: dict[str, int] = {}
 
     def seen(self, device: str, before: int, behind: int) -> bool:
-        """Whether the capture has a start-up of a station before a frame, and behind another one."""
+        """Whether the capture has a start-up of a station between two frames."""
         return behind < self._seen.get(device, before) < before
 
     def take(self, exchange: Exchange) -> None:
-        """An exchange; those of other services say nothing here, nor does one that was refused."""
+        """Takes an exchange; other services, and refused ones, do not count."""
         item = exchange.request.item
         answer = exchange.answer
         if dp.service(item) != dp.PARAMETERS or answer is None or dp.refuses(answer.item):

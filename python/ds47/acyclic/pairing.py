@@ -1,8 +1,8 @@
 """Pairing on the DS47 level: Writes and Reads of one channel to jobs (docs/pairing.md).
 
-A job is a transaction in the making. Its life is the table `spec/pairing.toml`; the only thing decided
-here is to which job a record call belongs. Nothing is decoded beyond what a caller hands in, and nothing
-is judged: what becomes of jobs is put on a list (`Told`), and whoever runs the steps takes it from there.
+A job is a transaction in the making. Its life is the table `spec/pairing.toml`. This module only decides which
+job a record call belongs to. It decodes nothing and judges nothing: it appends the outcome of each job to a
+list (`Told`), and the caller processes that list.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from ds47.spec.semantics import Limits, phases
 STATUS_NOT_READY: Final = 0xDE80B500
 """State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1)."""
 STATUS_SHORT: Final = 0xDE80B100
-"""Length error on a Read: the response is longer than what it asks for (docs/protocol.md E.1)."""
+"""Length error on a Read: the response is longer than the Read allows (docs/protocol.md E.1)."""
 STATUS_IN_USE: Final = 0xDF80B500
-"""State conflict on a Write: the device still works on another request."""
+"""State conflict on a Write: the device is still working on another request."""
 
 
 _KIND_END: Final = 2
@@ -46,12 +46,12 @@ class Moment(NamedTuple):
 _NEVER: Final = Moment(0, 0)
 _FORGOTTEN: Final = Record(False, False, NIL_UUID, NO_API, 0, 0, 0, 0)
 _ENDS: Final = {"end": "ends", "expired": "unseen", "later": "later", "unseen": "unseen"}
-"""Why a request is over without its response -> what is not in the capture then."""
+"""Why a request is over without its response -> the key of what the capture lacks."""
 
 
 @dataclass(slots=True, eq=False, init=False, repr=False)
 class Job:
-    """A transaction in the making: the halves of its record calls and what pairing learnt of it."""
+    """A transaction in the making: the halves of its record calls, and what pairing has found out about it."""
 
     peer: Peer
     record: Record
@@ -59,9 +59,9 @@ class Job:
     """Its channel."""
     message: Request | None
     reference: int | None
-    """The request reference that was sent."""
+    """The request reference."""
     write_request: Half | None
-    """The request of the Write that asked; None for an orphan."""
+    """The Write request; None for an orphan."""
     phase: str
     write_response: Half | None
     write_refused: bool
@@ -69,69 +69,69 @@ class Job:
     read_request: Half | None
     read_response: Half | None
     polls: list[tuple[Half | None, Half]]
-    """Reads that left it open: not ready yet, or too short for its response."""
+    """Reads that left the job open: not ready yet, or too short for the response."""
     rereads: list[tuple[Half | None, Half]]
     empty_reads: list[Half]
     response: Response | None
-    """Decoded by whoever is told of the answer."""
+    """The decoded response; `Analysis` sets it."""
     stray: bool
-    """Whether that cannot be the answer to the request; found by the judge,"""
+    """Whether the response cannot belong to the request. The judge sets it,"""
     usual: bool
-    """who found nothing else to be said of it, too: it was answered as it was asked, in full."""
+    """and this: a complete response that succeeded, and no finding about it."""
     known: bool
-    """Whether it shows nothing, beside its values, that is not known already."""
+    """Whether it shows nothing new apart from its values."""
     previous_reference: int | None
     previous: int | None
-    """Frame of the request before it on its channel, as far as the capture shows."""
+    """Frame of the previous captured request on its channel."""
     uncounted: bool
-    """Whether it is the first one on its channel, and another channel of its AR had its reference last."""
+    """Whether it is the first on its channel, and another channel of its AR has just used its reference."""
     superseded_by: int | None
     reason: str
     order: int
     superseding: Job | None
     """The request that displaced this one."""
     rival: Job | None
-    """Whose request was open when this one was turned away as in conflict with another."""
+    """The job that was open when this Write was refused with a state conflict (STATUS_IN_USE)."""
     alone: bool
-    """Whether it was turned away so where it is known that no request was open."""
+    """Whether this Write was refused with a state conflict although no request was open."""
     refused_behind: Job | None
-    """The newer Write that was refused before the first Read: what is read may be for that one."""
+    """A newer Write that was refused before the first Read: the Read may be for that one."""
     repeats: int | None
-    """Frame of an earlier response that was read once more where a new one was due."""
+    """Frame of an earlier response that came again instead of a new one."""
     again: str
-    """Of the first re-read behind the response, how it came about: a key of diagnoses.toml."""
+    """What led to the first re-read: a key of diagnoses.toml."""
     between: Job | None
-    """The Write without its response before the first re-read, which may have brought the response to it."""
+    """The unanswered Write before the first re-read: the re-read may be for that Write."""
     ended: int | None
     """Frame that ended the connection while the request was open."""
     fetching: list[Half]
-    """The Reads that were sent for it and have no response up to now."""
+    """Its Reads that have no response yet."""
     read_before: bool
-    """Whether an earlier Read that is not in the capture, or not whole, may have brought the response."""
+    """Whether a missing or incomplete Read may have fetched the response earlier."""
     twice: int
-    """Frame of a call of it with two responses, of which the client may have either; 0 for none."""
+    """Frame of one of its calls with two responses: the client may have got either. 0 for none."""
     hasty: bool
-    """Whether its Read was sent before the response to its Write, though its client waits for each as a rule."""
+    """Whether its Read came before its Write response, although its client usually waits for each response."""
     untold: int
-    """Frame that the capture cut off before it says what is asked, or what became of a call; 0 for none."""
+    """Frame that the capture cut off before the request, or the outcome of a call, is known; 0 for none."""
     written_again: int
-    """Frame of the Write that asked for the same while this one had no response, and was accepted; 0 for none."""
+    """Frame of an accepted Write with the same request, sent while this one had no response; 0 for none."""
     crossed: tuple[int, int] | None
-    """Frames of two Writes, this one among them, whose responses came in the other order (P27)."""
+    """Frames of two Writes, including this one, with their responses in reverse order (P27)."""
     missing: Missing | None
-    """Why nobody knows what became of it."""
+    """What the capture lacks, so that nobody knows the outcome."""
     limit: str
     """Name of the limit that pushed it out (spec/limits.toml): a response may still come. "" for none."""
     passed: bool
-    """Whether ds47 has said, while this Write waited for its response, that no request is open (P28)."""
+    """Whether it turned out, while this Write waited for its response, that no request is open (P28)."""
     contested: bool
     """Whether a record that went to an older request may be the response to this one (P72)."""
     over: bool
-    """Whether its transaction was told."""
+    """Whether its transaction was handed out."""
     certain: bool
-    """False for an orphan whose request a limit may have pushed out."""
+    """False for an orphan if a limit may have pushed out its request."""
     meanings: Sequence[Meaning | None]
-    """What the drive has said of its parameters, by their number; empty where it has said nothing of them."""
+    """What the drive has said about each parameter, in their order; empty if it has said nothing."""
 
     def __init__(
         self,
@@ -191,9 +191,10 @@ class Job:
         self.meanings = ()
 
     def forget(self) -> None:
-        """It is told. Else each would keep the next one alive, and the memory of calls its response.
+        """Drops the references to other objects, once the transaction is handed out.
 
-        Its record knows it, so it forgets that, too: what knows each other stays until somebody looks for garbage.
+        Otherwise each job would keep the next one alive, and each remembered call its job. Job and record refer to
+        each other: without this they would stay until the garbage collector runs.
         """
         self.over, self.record = True, _FORGOTTEN
         self.superseding = self.rival = self.refused_behind = self.between = self.response = None
@@ -205,17 +206,17 @@ class Job:
 
     @property
     def write_told(self) -> bool:
-        """Whether the capture shows what the Write was answered."""
+        """Whether the capture shows the answer to the Write."""
         return self.write_response is not None and not self.write_response.untold
 
     @property
     def not_ready(self) -> list[tuple[Half | None, Half]]:
-        """The Reads that came before its response was ready."""
+        """The Reads that came before the response was ready."""
         return [read for read in self.polls if read[1].status == STATUS_NOT_READY]
 
     @property
     def too_short(self) -> list[tuple[Half | None, Half]]:
-        """The Reads that asked for fewer bytes than its response has."""
+        """The Reads that asked for fewer bytes than the response has."""
         return [read for read in self.polls if read[1].status == STATUS_SHORT]
 
 
@@ -224,26 +225,26 @@ class Channel(Plain):
     """The jobs of a channel."""
 
     touched: int
-    """When anything was said on it last."""
+    """Time of its last message."""
     spot: tuple[str, int, int, int, int]
-    """Its place, whoever asks there."""
+    """Its place on the device, for any controller and AR."""
     asked: list[Job]
     open: Job | None
     refused: Job | None
     last: Job | None
     reference: int | None
     written: int | None
-    """The frame of the newest Write; `reference` is that of its request."""
+    """The frame of the newest Write; `reference` is its request reference."""
     accepted: int
-    """The `Job.order` of the newest Write that was accepted."""
+    """The `Job.order` of the newest accepted Write."""
     heard: int
     """The frame of the newest record that was read; 0 for none."""
     unasked: int
-    """The frame of the newest Write response whose request is not in the capture; 0 for none."""
+    """The frame of the newest Write response without a captured request; 0 for none."""
     unseen: int
-    """The same, of one that was accepted: it displaced what was open."""
+    """The same, but only for an accepted Write: it displaced what was open."""
     ended: int
-    """The frame of the newest Read response that ended a known request, or found none; 0 for neither."""
+    """The frame of the newest Read response that ended a known request, or found none open; 0 for neither."""
 
     def __init__(
         self,
@@ -268,23 +269,23 @@ class Channel(Plain):
         self.ended = 0
 
     def pass_over(self) -> None:
-        """No request is open: of the Writes that wait for their responses none is answered any more."""
+        """No request is open: a Read no longer counts as the answer to a Write that waits for its response."""
         for job in self.asked:
             job.passed = True
 
     def waiting(self) -> Job | None:
-        """The newest Write without its response that a Read may ask for: none was accepted after it."""
+        """The newest unanswered Write, if a Read may be for it: no later one was accepted."""
         newest = self.asked[-1] if self.asked else None
         if newest is None or newest.passed:
             return None
         return newest if newest.order > self.accepted else None
 
     def is_free(self) -> bool:
-        """Whether nothing waits for a response or for the end of its grace."""
+        """Whether no Write is unanswered, open or refused."""
         return not (self.asked or self.open or self.refused)
 
     def jobs(self) -> list[Job]:
-        """All of them."""
+        """All jobs of the channel."""
         return [job for job in (self.last, self.refused, self.open) if job] + self.asked
 
 
@@ -293,20 +294,20 @@ What = Literal[
     "questions", "proven", "no_drive",
 ]  # fmt: skip
 Told = tuple[What, Any, Any]
-"""What became known, of what, and what goes with it; in the order of the capture:
+"""What happened, its subject, and one more object; in the order of the capture:
 
-    asked       a job whose Write asks for a change
-    refused     a job whose Write was refused: what comes after that is seldom of interest
-    answered    a job that has its response, once
-    closed      a job of which nothing more can come, once; `Job.forget` is for whoever takes it
-    nothing     the Read without a record where no request is open; what may be missing, or None
-    connected   the device of a Connect, or a station that got its parameters; the frame
-    remark      a finding of the steps before (`ds47.findings.remark`); the record that it is about, or None
-    foreign     a Write that was answered, to an index that cannot be ours, or without its request
+    asked       a job: its Write asks for a change
+    refused     a job: its Write was refused
+    answered    a job: it has its response; once
+    closed      a job: nothing more can come; once. The receiver calls `Job.forget`
+    nothing     a Read that brought no record, with no request open; what may be missing, or None
+    connected   the device of a Connect, or a PROFIBUS station that got its parameters; the frame
+    remark      a finding of a step (`ds47.findings.remark`); the record that it is about, or None
+    foreign     an answered Write that is not ours, or has no request in the capture
     set_up      the request of a Connect; its response
-    questions   an AR of which a question is the proof; all that is told of it at index 47 is not sure until
-    proven      it is one of DS47, or
-    no_drive    it is none: then all of that is nothing
+    questions   an AR that has sent a question at index 47; whether it is one of DS47 is open until
+    proven      it has proved itself, or
+    no_drive    it has not: then everything about it since `questions` is dropped
 """
 
 
@@ -315,8 +316,8 @@ class Pairing:
 
     Args:
         limits: the numbers of spec/limits.toml.
-        told: gets what becomes of jobs.
-        completeness: what is missing of what stations say to each other; None: nothing.
+        told: gets the outcomes of jobs.
+        completeness: knows what the capture lacks; None: it lacks nothing.
     """
 
     def __init__(
@@ -330,29 +331,29 @@ class Pairing:
         self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
         self._of_place: dict[tuple[str, int, int, int, int], dict[ChannelKey, None]] = {}
-        """The channels of a place, whoever asks there; the newest is the last."""
+        """The channels of each place, for any controller and AR; the newest is the last."""
         self._pushed_out = False
         """Whether a limit pushed out requests whose responses may still come."""
         self._delivered: OrderedDict[tuple[str, int, int, int, int], Job] = OrderedDict()
-        """The newest accepted request of a place whose response was read, whoever asked."""
+        """The newest accepted request of each place that got its response, for any controller and AR."""
         self._connects: OrderedDict[tuple[str, str, bytes], Moment] = OrderedDict()
         """The newest Connect of each AR."""
         self._started: OrderedDict[str, Moment] = OrderedDict()
-        """When a station of PROFIBUS got its parameters last: before that nothing is open."""
+        """When a PROFIBUS station last got its parameters: no request is open from before that."""
         self._connected: OrderedDict[tuple[str, str], bytes] = OrderedDict()
-        """Of the ARs of which two stations have one, that which they set up last and did not release."""
+        """The AR of cyclic data that two stations set up last and have not released."""
         self.replaced: dict[tuple[str, str, bytes], Moment] = {}
-        """ARs with open requests that a Connect seems to have replaced; until anything is said on them."""
+        """ARs with open requests that a Connect seems to have replaced; a message on one takes it out."""
         self._count = 0
         self._newest_ns: int | None = None
         self._due_ns = 0
-        """Up to then no channel is too old,"""
+        """No channel expires before that time,"""
         self._touched_ns = 0
         self._set_back = False
-        """unless the clock went back since the last one was touched."""
+        """unless the clock was set back."""
 
     def write_request(self, record: Record, message: Request) -> Job:
-        """A Write that asks for something. Returns the job, for `write_response`."""
+        """Takes a Write request. Returns its job, for `write_response`."""
         asked = record.request
         assert asked is not None
         channel = self._channel(record, asked.time_ns)
@@ -382,7 +383,7 @@ class Pairing:
             job.hasty = self._waits(job.peer)
         if job.hasty and (fault or (response is not None and response.status)):
             job.twice = job.write_request.frame if job.write_request else 0
-            return  # who waits had another response before, and the device executed the call once more
+            return  # the client got another response before, and the device has executed the call twice
         status = response.status if response else None
         job.write_response, job.write_refused = response, fault or bool(status)
         if response is not None and response.cut and response.untold:
@@ -403,16 +404,15 @@ class Pairing:
                 self._told.append(("refused", job, None))
 
     def _waits(self, peer: Peer) -> bool:
-        """Whether a response behind a later call is a second one, as far as the habit of the client tells."""
+        """Whether the client usually waits, so that a response after its next call is a second copy."""
         known = self._completeness
         return known is not None and known.waits(peer.controller, peer.device)
 
     def write_unasked(self, record: Record) -> None:
-        """The answer to a Write whose request is not in the capture.
+        """The answer to a Write without its request in the capture.
 
-        It came after the refused one of its channel: no Read is for that one any more. One that was accepted asks
-        for something that nobody knows: what is read from now on may be its response, also where that has the
-        bytes of an earlier one.
+        The Write came after the refused one of its channel: no Read is for that one any more. If it was accepted,
+        its request is unknown: any later record may be its response, even with the bytes of an earlier one.
         """
         half = record.response
         if half is None:
@@ -422,7 +422,7 @@ class Pairing:
         given_up = half.time_ns - self._limits.call_expiry_ns
         asked = (job.record.request for job in channel.asked)
         if any(each is not None and each.time_ns < given_up for each in asked):
-            return  # that request is there, and its call was given up before
+            return  # the request is in the capture, but its call was given up before
         if channel.refused is not None:
             self._lose(channel.refused, "")
             channel.refused = None
@@ -433,13 +433,13 @@ class Pairing:
         self._forget_last(channel)
 
     def _forget_last(self, channel: Channel) -> None:
-        """A response that is not in the capture came behind the last one, or what is read may be of either."""
+        """Closes the last answered job: a missing one came after it, or the next record may be for either."""
         if channel.last is not None:
             self._lose(channel.last, "")
             channel.last = None
 
     def read_response(self, record: Record) -> Job | None:
-        """The answer to a Read. Returns the job it went to, None where there is none."""
+        """The answer to a Read. Returns the job that gets it, None if none does."""
         half = record.response
         assert half is not None
         self.read_over(record)
@@ -450,7 +450,7 @@ class Pairing:
         job = self._addressee(channel, event, record)
         if job is not None and channel.refused is not None:
             job = self._sought(channel, job, event, record)
-        late = job is not None and _is_later(job, record)  # what the Read asked for is over
+        late = job is not None and _is_later(job, record)  # the request of the Read is over
         if channel.refused is not None:
             self._leave_refused(channel, None if late else job)
         if job is None or late:
@@ -462,16 +462,16 @@ class Pairing:
             self._read(channel, job, event, record)
             return job
         self._set_aside(channel, job, missing)
-        if channel.open is not None:  # whosever this is, it ends what was asked before it
+        if channel.open is not None:  # whichever job the record is for, it ends the open one
             self._set_aside(channel, channel.open, Missing("later"))
         return self._of_nobody(record, channel, event, missing, late=False)
 
     def _of_nobody(
         self, record: Record, channel: Channel, event: str, missing: Missing | None, *, late: bool
     ) -> Job | None:
-        """The answer to a Read that is for no job, as far as the capture shows.
+        """The answer to a Read that belongs to no job, as far as the capture shows.
 
-        `missing`: why nobody knows for which one; `late`: the job that its Read asked for is over.
+        `missing`: why the job is unknown; `late`: the job that the Read was for is over.
         """
         half = record.response
         assert half is not None
@@ -489,7 +489,7 @@ class Pairing:
         return self._orphan(record, channel, first.frame if first is not None else None)
 
     def _first_of(self, record: Record, read: Job | None) -> Half | None:
-        """The last response, if a record is that once more, and no request may be missing since its Read."""
+        """The last response, if the record repeats it and no request can be missing since its Read."""
         first, half = None if read is None else read.read_response, record.response
         if read is None or first is None or half is None or not _is_same(first, half):
             return None
@@ -498,7 +498,7 @@ class Pairing:
         return first if self._behind(record.peer, since) is None else None
 
     def read_untold(self, record: Record) -> None:
-        """The answer to a Read of which the capture cut off what it brought: it is as good as not there (P73)."""
+        """The answer to a Read, cut off by the capture before its record: it counts as missing (P73)."""
         job, half = record.job, record.response
         assert half is not None
         self._channel(record, half.time_ns)
@@ -506,7 +506,7 @@ class Pairing:
             job.untold = half.frame
 
     def _leave_refused(self, channel: Channel, job: Job | None) -> None:
-        """What is read is no response to the refused Write: from now on none is."""
+        """The Read was not for the refused Write: no later Read is either."""
         refused = channel.refused
         if refused is None or refused is job:
             return
@@ -516,7 +516,7 @@ class Pairing:
         channel.refused = None
 
     def _orphan(self, record: Record, channel: Channel, repeats: int | None) -> Job:
-        """A record whose request is not known; `repeats`: the frame in which its bytes were read first."""
+        """A record without a known request; `repeats`: the frame that had its bytes before."""
         job = Job(record, None, order=self.number())
         job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
         job.repeats = repeats
@@ -528,11 +528,11 @@ class Pairing:
     # What is not in the capture (P73)
 
     def may_lack(self, peer: Peer, frame: int) -> bool:
-        """Whether something that a controller asked of a device may be missing behind a frame."""
+        """Whether a call of a controller to a device may be missing after a frame."""
         return self._behind(peer, frame) is not None
 
     def _lacks(self, job: Job, reason: str) -> Missing | None:
-        """Why nobody knows whether the response of a job was fetched, or came."""
+        """What the capture lacks, so that nobody knows whether the response of a job came."""
         asked = job.write_request
         if asked is None or job.read_response is not None or job.write_refused:
             return None
@@ -545,7 +545,7 @@ class Pairing:
         return None if what is None else Missing(what)
 
     def _lacks_calls(self, job: Job, asked: Half) -> Missing | None:
-        """Which call of a job, or which half of one, may be missing; PROFIBUS has no calls."""
+        """Which call of a job, or which half of one, may be missing. PROFIBUS has no calls."""
         if job.peer.station is not None:
             return self._behind(job.peer, asked.frame)
         if job.written_again:
@@ -564,18 +564,18 @@ class Pairing:
         return found
 
     def _ends_soon(self, peer: Peer, asked: Half) -> bool:
-        """Whether so little of what the controller sent came behind a request that its Read may still come."""
+        """Whether the controller's calls end so soon after a request that its Read may still come."""
         newest_ns = self._newest_ns
         if peer.station is None and self._completeness is not None:
             newest_ns = self._completeness.spoke_ns(peer.controller, peer.device)
         return newest_ns is None or newest_ns - asked.time_ns < self._limits.unread_ns
 
     def _of_another(self, channel: Channel, job: Job, record: Record) -> Missing | None:
-        """Why a record, or the refusal of a Read, may be for another Write than that of a job; None: it is not.
+        """Why a record, or a refused Read, may belong to another Write than that of the job; None: it does not.
 
-        It is not for a Write that is missing where the record mirrors the reference and the program counts it,
-        unless such a Write was accepted on this channel: else a filter, too, would leave every request without its
-        response. It may be for the same request once more.
+        A record with the reference of the request does not belong to a missing Write, if the program counts its
+        references: otherwise no request in a filtered capture would get its response. A missing Write that was
+        accepted on this channel is an exception. The record may be for a repetition of the same request.
         """
         asked, half = job.write_request, record.response
         assert half is not None
@@ -598,19 +598,19 @@ class Pairing:
             return Missing("read_answer", read)
         if channel.asked and _may_be_newer(channel, job, record):
             return Missing("later")
-        unknown = not (half.data or job.write_told)  # whether its Write was accepted
+        unknown = not (half.data or job.write_told)  # nobody knows whether its Write was accepted
         since = asked.frame
         if (unknown or job is channel.refused) and half.status != STATUS_SHORT:
             since = self._free_since(job.key, channel, record.request or half)
         found = self._asked_behind(job.peer, channel, since, ordered=fits)
         if found is None and job is channel.refused and half.data and not fits:
-            found = self._behind(job.peer, 0)  # what it mirrors may have outlived a Connect
-        if unknown and found is not None:  # of its own calls it is at least this one
+            found = self._behind(job.peer, 0)  # it may mirror a request before a Connect
+        if unknown and found is not None:  # at least its own Write response is missing
             behind = self._asked_behind(job.peer, channel, asked.frame, ordered=fits)
             return behind or _unanswered(job, asked)
         if found is None or not half.data or channel.unseen > since:
             return found
-        # Of a record that is too short nothing tells.
+        # A record that is too short for its kind is not sure.
         sure = fits and _is_of_kind(job, half) is True
         first = found.what == "begins" and (fits if not job.write_refused else sure)
         return None if first or (sure and _counts(job, record)) else found
@@ -618,11 +618,11 @@ class Pairing:
     def _of_another_on_line(
         self, channel: Channel, job: Job, asked: Half, record: Record
     ) -> Missing | None:
-        """The same on PROFIBUS: of the requests of a station nothing is known but what its line shows."""
+        """The same on PROFIBUS, where only the line shows the requests to a station."""
         half, since = record.response, asked.frame
         assert half is not None
         fits, refused = _mirrors(job, half), job is channel.refused
-        if refused:  # what a record brings may have outlived a start-up
+        if refused:  # a record may be older than a start-up
             begun = self._started.get(job.peer.device, _NEVER).frame
             sought = record.request or half
             since = channel.ended
@@ -635,7 +635,7 @@ class Pairing:
         return None if sure and _counts(job, record) else found
 
     def _set_aside(self, channel: Channel, job: Job, missing: Missing) -> None:
-        """Nobody knows any more what becomes of a job."""
+        """Ends a job with an unknown outcome."""
         if channel.open is job:
             channel.open = None
         elif channel.refused is job:
@@ -647,9 +647,9 @@ class Pairing:
         self._lose(job, "")
 
     def _free_since(self, key: ChannelKey, channel: Channel, read: Half) -> int:
-        """The frame in which nothing was open on a channel before a Read; 0 where none is known.
+        """The newest frame before a Read at which nothing was open on a channel; 0 if none is known.
 
-        A Connect may be behind it: what is known of an AR that proves itself late is told late.
+        The newest Connect may be after the Read, if the AR proves itself late. It does not count then.
         """
         connect = self._connects.get(key[:3], _NEVER)
         return max(channel.ended, connect.frame if connect.frame < read.frame else 0)
@@ -657,18 +657,18 @@ class Pairing:
     def _asked_behind(
         self, peer: Peer, channel: Channel, since: int, *, ordered: bool = False
     ) -> Missing | None:
-        """What may be missing behind a frame of what was asked for on a channel; 0: the begin of the capture."""
+        """What may be missing of the requests on a channel after a frame; 0: from before the capture."""
         if channel.unseen > since:
             return Missing("requests")
         return self._behind(peer, since, ordered=ordered) if since else Missing("begins")
 
     def _nothing(self, record: Record, channel: Channel, missing: Missing | None) -> None:
-        """A Read that brought nothing, where no request is open as far as is known."""
+        """A Read that brought nothing, while no request is known to be open."""
         half = record.response
         assert half is not None
         known = missing is None
         if known and _was_open(channel, record.request):
-            return  # its response is behind that to a later Read
+            return  # its response comes after that to a later Read
         if known:
             missing = self._may_be_open(
                 record.peer, record.channel, channel, record.request or half
@@ -682,9 +682,9 @@ class Pairing:
     def _may_be_open(
         self, peer: Peer, key: ChannelKey, channel: Channel, half: Half
     ) -> Missing | None:
-        """What may be missing that is open on a channel where nothing is, as far as the capture shows (P78).
+        """Which missing request may be open on a channel, if the capture shows none (P78).
 
-        A program goes on reading behind a Connect what it asked for before.
+        A program goes on reading after a Connect what it asked for before.
         """
         since = channel.ended or self._free_since(key, channel, half)
         missing = self._asked_behind(peer, channel, since)
@@ -693,18 +693,18 @@ class Pairing:
         return missing
 
     def _newest_unseen(self, key: ChannelKey) -> int:
-        """The newest frame in which a Write to a place was accepted, whoever asked, whose request is missing."""
+        """The newest accepted Write to a place without its request, for any controller and AR: its frame."""
         keys = reversed(self._of_place.get(_spot(key), {}))
         return max(
             (self.channels[each].unseen for each in islice(keys, self._limits.users)), default=0
         )
 
     def is_again(self, record: Record) -> bool:
-        """Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing."""
+        """Whether a ReadImplicit repeats the last response of its place (P55). Changes nothing."""
         return record.implicit and self._repeated(record) is not None
 
     def _repeated(self, record: Record) -> Job | None:
-        """The last response of a place, where a record has its bytes and came behind it (P22)."""
+        """The job with the last response of a place, if a later record has the same bytes (P22)."""
         delivered, half = self._delivered.get(_spot(record.channel)), record.response
         before = None if delivered is None else delivered.read_response
         if half is None or before is None or half.frame <= before.frame:
@@ -712,9 +712,9 @@ class Pairing:
         return delivered if _is_same(before, half) else None
 
     def _last_response(self, record: Record, channel: Channel) -> Job | None:
-        """Whose response a Read without a request may bring once more.
+        """The job with the response that a Read without a request may repeat.
 
-        That of its channel; without an AR that of the place, whoever asked there.
+        It is the last of the channel. For a ReadImplicit it is the last of the place, for any controller and AR.
         """
         delivered = self._repeated(record) if record.implicit else None
         if delivered is None or record.response is None:
@@ -735,7 +735,7 @@ class Pairing:
         self._keep(job.rereads, (record.request, record.response))
 
     def read_request(self, record: Record) -> None:
-        """A Read that asks: for the response of a job, as far as is known before its own."""
+        """Takes a Read request, and notes the job that it is for, as far as that is known before its response."""
         channel, asked = self.channels.get(record.channel), record.request
         if channel is None or asked is None:
             return
@@ -744,7 +744,7 @@ class Pairing:
             job.fetching.append(asked)
 
     def read_over(self, record: Record) -> None:
-        """A Read is over, to whichever job its response goes."""
+        """A Read is over, whichever job gets its response."""
         job, asked = record.job, record.request
         if job is not None and asked in job.fetching:
             job.fetching.remove(asked)
@@ -757,9 +757,9 @@ class Pairing:
         job = channel.open or channel.waiting() or channel.refused
         asked = job.write_request if job is not None else None
         if job is None or asked is None or asked.frame > read.frame:
-            return None  # what the Read asked for is over: it came before the Write of this one
+            return None  # the Read was sent before the Write of this job
         if channel.ended > read.frame:
-            return None  # the same: another request was open then
+            return None  # another request was open when the Read was sent
         if job.read_request is None:
             job.read_request = read
         return job
@@ -780,7 +780,7 @@ class Pairing:
         at: Moment | None = None,
         index: int | None = None,
     ) -> None:
-        """The AR is over: what is open on its channels, or on those of one index, stays unanswered."""
+        """The AR is over: open jobs on its channels, or on those of one index, stay unanswered."""
         for key in list(self._of_ar.get((controller, device, ar), ())):
             if index is None or key[-1] == index:
                 self._close_channel(key, "release", at)
@@ -798,10 +798,10 @@ class Pairing:
         *,
         only: bool = False,
     ) -> None:
-        """An AR is set up: requests of the same AR that are open now have lost their connection.
+        """An AR is set up: open requests of the same AR have lost their connection.
 
-        `only`: a controller has one of this kind with a device. It replaces the one whose Connect came before,
-        if nothing is said on that from now on.
+        `only`: a controller has only one of this kind with a device. It replaces the one before, unless there is
+        another message on that.
         """
         if ar is not None:
             self._put(self._connects, (controller, device, ar), at)
@@ -811,7 +811,7 @@ class Pairing:
         self._told.append(("connected", device, at.frame))
 
     def started(self, station: str, at: Moment) -> None:
-        """A station of PROFIBUS got its parameters: it may have been switched off before that."""
+        """A PROFIBUS station got its parameters: it may have been switched off before."""
         self._put(self._started, station, at)
         self._told.append(("connected", station, at.frame))
 
@@ -830,17 +830,17 @@ class Pairing:
             memory.popitem(last=False)
 
     def goes_on(self, controller: str, device: str, ar: bytes) -> None:
-        """Something is said on an AR."""
+        """A message on an AR: it is not replaced."""
         self.replaced.pop((controller, device, ar), None)
 
     def finish(self, newest_ns: int | None = None) -> None:
-        """The capture is over, with the time of the newest record call that is ours."""
+        """The capture is over; `newest_ns` is the time of the newest record call that is ours."""
         self._newest_ns = newest_ns
         while self.channels:
             self._close_channel(next(iter(self.channels)), "end")
 
     def number(self) -> int:
-        """The number of the next transaction, by their beginnings."""
+        """The number of the next transaction, in the order in which they begin."""
         self._count += 1
         return self._count
 
@@ -857,7 +857,7 @@ class Pairing:
             self._of_ar.setdefault(key[:3], {})[key] = None
             self._of_place.setdefault(channel.spot, {})[key] = None
             self._due_ns = now  # there may be too many
-        # Once the clock was set back the oldest by its place need not be so by its time.
+        # If the clock was set back, the first channel in the order need not be the oldest by time.
         self._set_back = self._set_back or now < self._touched_ns
         channel.touched = self._touched_ns = now
         channels.move_to_end(key)
@@ -866,7 +866,7 @@ class Pairing:
         return channel
 
     def _make_room(self, now: int) -> None:
-        """Closes the channels of which nothing was heard for long, and the oldest of too many."""
+        """Closes channels without a message for too long, and the oldest ones if there are too many."""
         channels, expiry = self.channels, self._limits.transaction_expiry_ns
         while len(channels) > 1:
             key, oldest = next(iter(channels.items()))
@@ -877,7 +877,7 @@ class Pairing:
         self._due_ns = next(iter(channels.values())).touched + expiry
 
     def _accept(self, channel: Channel, job: Job) -> None:
-        """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
+        """An accepted Write opens its job. It displaces the open job, and closes the refused one."""
         channel.accepted = max(channel.accepted, job.order)
         if job.phase == "asked":
             channel.asked.remove(job)
@@ -892,9 +892,9 @@ class Pairing:
         job.phase = self._table[job.phase]["write_accepted"]
 
     def _displace(self, channel: Channel, job: Job, by: Job) -> None:
-        """An accepted Write displaces a request without its response; whose response may be missing, too.
+        """An accepted Write displaces a request without a response; that response may also be missing.
 
-        A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
+        A Read after that Write is for it. After a Connect, it displaces nothing: the AR is new.
         """
         asked = by.record.request
         if asked is not None:
@@ -910,9 +910,9 @@ class Pairing:
         self._end(job, "displaced")
 
     def _presume(self, channel: Channel, job: Job) -> None:
-        """What is read proves that a Write was accepted; its response is missing in the capture.
+        """The record proves that the Write was accepted; the Write response is missing.
 
-        It displaces no newer one: the record of an older request came late.
+        The Write does not displace a newer one: then the record came late.
         """
         if channel.open is not None and channel.open.order > job.order:
             channel.asked.remove(job)
@@ -921,9 +921,9 @@ class Pairing:
             self._accept(channel, job)
 
     def _held(self, job: Job) -> Job | None:
-        """The newest request that is open at the place of another one, as far as the capture shows, whoever asked.
+        """The newest other request that the capture shows open at the place of a job, for any controller and AR.
 
-        Not one that a Connect of its AR ended. What comes later changes nothing.
+        A Connect of its AR before the Write of the job ends it.
         """
         came = job.write_request
         keys = reversed(self._of_place.get(_spot(job.key), {}))
@@ -938,10 +938,10 @@ class Pairing:
         return found
 
     def _rival(self, found: Job, job: Job) -> Job | None:
-        """The request that is open where another one came, if it surely is; or if it came behind that.
+        """The found request, if it surely was open when the Write of the job came, or came later itself.
 
-        It was accepted, no Read that is under way fetches its response, and nothing is missing behind it of what
-        either of the two asked.
+        Sure means: it was accepted, and no pending Read may fetch its response. None if a call of the two peers
+        may be missing since.
         """
         asked, came = found.write_request, job.write_request
         if not (asked and came):
@@ -973,7 +973,7 @@ class Pairing:
         channel.refused = job
 
     def _addressee(self, channel: Channel, event: str, record: Record) -> Job | None:
-        """The job a Read answers; a Write whose response was not seen counts when the answer fits."""
+        """The job that a Read answers. An unanswered Write counts if the record fits it."""
         data = record.response.data if record.response else b""
         opened, reference = channel.open, data[0] if data else None
         if event == "read_record" and (opened is None or opened.reference != reference):
@@ -986,7 +986,7 @@ class Pairing:
             half = record.response
             if (
                 mirrored and half is not None
-            ):  # of several the newest that it may be for by its kind
+            ):  # the newest one with the kind of the record, if there are several
                 return next((job for job in mirrored if _mirrors(job, half)), mirrored[0])
         if opened is not None:
             by_kind = event == "read_record" and channel.asked
@@ -1001,15 +1001,15 @@ class Pairing:
         return channel.refused
 
     def _sought(self, channel: Channel, found: Job, event: str, record: Record) -> Job | None:
-        """The same, where a request was refused: one that may be over is set aside."""
+        """The same if a request was refused: sets a job aside that may be over."""
         half, over = record.response, _wrote_behind(channel, found, record)
         if over is None:
             return found
         self._set_aside(channel, found, over)
-        self._forget_last(channel)  # the missing one is newer
+        self._forget_last(channel)  # the missing response is newer
         job = self._addressee(channel, event, record)
         strange = job is not None and half is not None and half.data and not _mirrors(job, half)
-        return None if strange else job  # it may be that of the other one all the same
+        return None if strange else job  # the record may still belong to the job that was set aside
 
     def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
         half, told, sent = record.response, job.write_response, record.request
@@ -1019,8 +1019,8 @@ class Pairing:
         if event == "read_record" and job.phase == "refused":
             self._compare(channel.last, job, half)
         if job.phase == "asked" and event == "read_cut":
-            channel.asked.remove(job)  # accepted or not: its STATUS is cut off, too
-            channel.accepted = max(channel.accepted, job.order)  # no older one waits any more
+            channel.asked.remove(job)  # accepted or not: the status is cut off, too
+            channel.accepted = max(channel.accepted, job.order)  # no older Write waits any more
         elif job.phase == "asked" and event not in ("read_empty", "read_short"):
             self._presume(channel, job)
         job.phase = self._table[job.phase][event]
@@ -1033,10 +1033,10 @@ class Pairing:
             self._answer(channel, job, record.request, half)
 
     def _answer(self, channel: Channel, job: Job, read: Half | None, half: Half) -> None:
-        """A Read that ends the waiting of a job: with the record, or with a refusal."""
+        """A Read ends a job: it brings the record, or it is refused."""
         job.read_request, job.read_response = read, half
         job.read_before = bool(job.polls or job.fetching) and self._may_be_read(job)
-        if job.message is not None:  # before an orphan anything may be missing
+        if job.message is not None:  # anything may be missing before an orphan
             channel.ended = half.frame
             if half.cut and _is_headless(half) and not job.write_refused:
                 job.missing = Missing("cut_off", half.frame)
@@ -1048,7 +1048,7 @@ class Pairing:
         if not half.data:
             self._lose(job, "")
             if not job.write_refused:
-                self._forget_last(channel)  # what is read from now on may be of either
+                self._forget_last(channel)  # the next record may be for either
             return
         if channel.last is not None:
             self._end(channel.last)
@@ -1057,9 +1057,9 @@ class Pairing:
             self._put(self._delivered, channel.spot, job)
 
     def _may_be_read(self, job: Job) -> bool:
-        """Whether how long a request waited is not known: a Read that brought its record may be missing.
+        """Whether a missing Read may have fetched the record earlier, so that the waiting time is unknown.
 
-        So may the same request once more: then it is that one which waited.
+        The missing call may also be a repetition of the request: then that one waited.
         """
         asked = job.write_request
         if asked is None:
@@ -1067,9 +1067,9 @@ class Pairing:
         return bool(job.fetching) or self._behind(job.peer, asked.frame) is not None
 
     def _compare(self, last: Job | None, job: Job, half: Half) -> None:
-        """Whether a request that was refused is answered as the last one was.
+        """Whether the answer to a refused request repeats the last one.
 
-        Of a Write without a Write response nothing follows: two questions may have the same answer.
+        An unanswered Write proves nothing: two questions may have the same answer.
         """
         if last is None or last.read_response is None or not _is_same(last.read_response, half):
             return
@@ -1077,13 +1077,13 @@ class Pairing:
             job.repeats = last.read_response.frame
 
     def _keep(self, reads: list[_T], read: _T) -> None:
-        """The reads of one transaction: of more than `Limits.reads` the first and the newest are kept."""
+        """Keeps a Read of a job; beyond `Limits.reads` the newest replaces the last one kept."""
         if len(reads) >= self._limits.reads:
             reads.pop()
         reads.append(read)
 
     def _lose(self, job: Job, reason: str) -> None:
-        """Nothing more comes of a job."""
+        """Closes a job: nothing more comes."""
         if job.polls and job.missing is None:
             self._refused_at_last(job)
         job.reason = reason
@@ -1095,19 +1095,19 @@ class Pairing:
         self._end(job)
 
     def _refused_at_last(self, job: Job) -> None:
-        """Where a Read was too short for a response, and none brought it, that refusal is the end (P34)."""
+        """If a Read was too short and no later one brought the response, that refusal is the answer (P34)."""
         short, asked = job.too_short if job.read_response is None else None, job.write_request
         if not short or asked is None:
             return
         lacks = self._lacks_calls(job, asked)
-        if lacks is None or lacks.what == "write_answer":  # else it may have been read
+        if lacks is None or lacks.what == "write_answer":  # else a missing Read may have fetched it
             job.polls.remove(short[-1])
             job.read_request, job.read_response = short[-1]
 
     def _connected_since(self, job: Job, before: Half | None = None) -> Moment | None:
-        """When the AR of a request was set up anew; None where it was not, or not `before` another one.
+        """The Connect that set up the AR of a request again; None if there is none, or none `before` another call.
 
-        Of an AR that proves itself late the Connects are known first.
+        If an AR proves itself late, its Connects are known before its requests.
         """
         asked, key = job.write_request, job.key[:3]
         connect = self.replaced.get(key) or self._connects.get(key)
@@ -1122,7 +1122,7 @@ class Pairing:
         self._told.append(("closed", job, None))
 
     def _push_out(self, job: Job, limit: str) -> None:
-        """Nothing more is known of a job from now on, and not because nothing came."""
+        """A limit closes a job: its response may still come."""
         if job.read_response is None and not job.write_refused:
             job.limit, self._pushed_out = limit, True
         self._lose(job, "")
@@ -1145,18 +1145,18 @@ class Pairing:
 
 
 def _nothing_behind(peer: Peer, since: int, *, ordered: bool = False) -> Missing | None:
-    """What may be missing where nobody tells what is."""
+    """In place of `Completeness.behind`: nothing is missing."""
     return None
 
 
 def _unanswered(job: Job, asked: Half) -> Missing:
-    """That nobody knows what a Write was answered."""
+    """The capture lacks the answer to a Write, or has cut it off."""
     half = job.write_response
     return Missing("write_answer", asked.frame) if half is None else Missing("cut_off", half.frame)
 
 
 def _written_again(channel: Channel, job: Job) -> None:
-    """An accepted Write takes the place of those that asked for the same and have no response."""
+    """An accepted Write replaces older unanswered ones with the same request."""
     by = job.write_request
     for each in channel.asked:
         before = each.write_request
@@ -1165,7 +1165,7 @@ def _written_again(channel: Channel, job: Job) -> None:
 
 
 def _cross(channel: Channel, job: Job) -> bool:
-    """Whether a later Write is open already: which of them the device did last nobody knows (P27)."""
+    """Whether a later Write is open already: nobody knows which one the device executed last (P27)."""
     newer = channel.open
     if newer is None or newer.order < job.order:
         newer = channel.last
@@ -1179,12 +1179,12 @@ def _cross(channel: Channel, job: Job) -> bool:
 
 
 def _spot(key: ChannelKey) -> tuple[str, int, int, int, int]:
-    """Where a record is, whoever asks for it."""
+    """The place of a record, for any controller and AR."""
     return (key[1], *key[3:])
 
 
 def _take_out(index: dict[_K, dict[ChannelKey, None]], name: _K, key: ChannelKey) -> None:
-    """A channel is closed: it goes out of an index of channels."""
+    """Removes a closed channel from an index."""
     keys = index[name]
     del keys[key]
     if not keys:
@@ -1192,7 +1192,7 @@ def _take_out(index: dict[_K, dict[ChannelKey, None]], name: _K, key: ChannelKey
 
 
 def _at_the_end(channel: Channel) -> dict[int, str]:
-    """`Job.order` -> why a job has no response, where its channel went on before the capture ended."""
+    """`Job.order` -> why a job has no response, for jobs whose channel went on before the capture ended."""
     newest = channel.asked[-1] if channel.asked else None
     why = {job.order: "unseen" for job in channel.asked if job is not newest}
     if newest is None:
@@ -1204,7 +1204,7 @@ def _at_the_end(channel: Channel) -> dict[int, str]:
 
 
 def _may_be_displaced(channel: Channel) -> dict[int, str]:
-    """The same of an accepted request before a Write without its response, which may have displaced it."""
+    """The same for an open request, if a later unanswered Write may have displaced it."""
     held, newest = channel.open, channel.asked[-1] if channel.asked else None
     if held is None or newest is None or held.order > newest.order:
         return {}
@@ -1212,16 +1212,16 @@ def _may_be_displaced(channel: Channel) -> dict[int, str]:
 
 
 def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
-    """Whose record it is where its reference does not tell: of the open request or of a newer Write (P71, P72).
+    """The job of a record if its reference does not decide: the open one, or a newer Write (P71, P72).
 
-    Its kind tells, where it fits such a Write and not the open request. Where it does not tell the reverse either,
-    the newer Writes are contested.
+    A newer Write gets it if the kind of the record fits that, and does not fit the open request. If the kind does
+    not decide for the open request either, the newer Writes are contested.
     """
     read, half = record.request, record.response
     assert half is not None
     mirrored = opened.reference == half.data[0]
     if not mirrored and _is_last(channel, half):
-        return opened  # an old answer
+        return opened  # the last answer again
     newer = [
         job for job in reversed(channel.asked)
         if job.order > opened.order and not job.passed and (job.reference == half.data[0]) is mirrored
@@ -1237,7 +1237,7 @@ def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
 
 
 def _is_later(job: Job, record: Record) -> bool:
-    """Whether the Write of a job was sent behind the request of a Read: in the file, and by the clock."""
+    """Whether the Write of a job was sent after the request of a Read, in the file and by the clock."""
     asked, read = job.write_request, record.request
     if asked is None or read is None:
         return False
@@ -1253,10 +1253,10 @@ def _mirrors(job: Job, half: Half) -> bool:
 
 
 def _counts(job: Job, record: Record) -> bool:
-    """Whether a program counts its references, as far as is known: one more than before, or two past 0.
+    """Whether a program seems to count its references: one more than before, or two, to skip 0.
 
-    Of the first one on a channel it may, if another channel had not the same one last, and a capture that has
-    only what somebody chose has no other. Whoever chooses takes whole calls.
+    So does the first request on a channel, unless it was refused, a call of it is incomplete, or another channel
+    had its reference last. A filtered capture may have no other request, but its calls are whole.
     """
     before, now = job.previous_reference, job.reference
     if before is None:
@@ -1275,9 +1275,9 @@ def _was_open(channel: Channel, read: Half | None) -> bool:
 
 
 def _wrote_behind(channel: Channel, job: Job, record: Record) -> Missing | None:
-    """The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job.
+    """The last unanswered Read of a job, if a Write after it was refused: the Read may have ended the job.
 
-    A record that mirrors the request, and not the refused one, shows that it did not.
+    It has not, if the record mirrors the request of the job and not the refused one.
     """
     half, refused = record.response, channel.refused
     written = refused.write_request if refused is not None else None
@@ -1292,7 +1292,7 @@ def _wrote_behind(channel: Channel, job: Job, record: Record) -> Missing | None:
 
 
 def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
-    """Whether a Read may be for a Write without its response that is newer than the one of a job."""
+    """Whether a Read may be for an unanswered Write that is newer than that of a job."""
     half = record.response
     assert half is not None
     strange = not half.data or _is_of_kind(job, half) is False
@@ -1308,7 +1308,7 @@ def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
 def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:
     """Whether a record may be for the Write that it mirrors.
 
-    For one before an accepted one only by its kind, and where it is not the last one once more.
+    If a later Write was accepted, it must also have the right kind, and not repeat the last record.
     """
     return job.order > channel.accepted or (
         half is not None and _is_of_kind(job, half) is True and not _is_last(channel, half)
@@ -1332,17 +1332,17 @@ def _read_event(half: Half) -> str:
 
 
 def _is_headless(half: Half) -> bool:
-    """Whether a record came of which the capture cut off even what kind of response it is."""
+    """Whether the capture cut off the record so early that the kind of response is unknown."""
     return not half.status and len(half.data) < _KIND_END
 
 
 def _is_same(one: Half, other: Half) -> bool:
-    """Whether two records have the same bytes; of cut ones the same length, and the same as far as they go."""
+    """Whether two records have the same captured bytes, and lack equally many."""
     return one.data == other.data and one.missing == other.missing
 
 
 def _is_last(channel: Channel, half: Half) -> bool:
-    """Whether a record is the last one once more, of which less may have been read."""
+    """Whether a record repeats the last one of its channel, which may have been read only in part."""
     before = channel.last.read_response if channel.last else None
     if before is None or not before.data:
         return False

@@ -1,9 +1,9 @@
 """What was written last to a parameter, and whether a later read brings something else (DS417).
 
-A parameter is that of a drive object (`profidrive.drive_objects`), whoever asks and by whichever record index. A
-change takes effect between its Write request and its response; where that was not fetched, perhaps. So a
-finding speaks only where the value that was written last is the same in every order that the capture allows,
-and for every drive object that a request may have reached.
+A parameter belongs to a drive object (`profidrive.drive_objects`), for any controller and record index. A change
+takes effect between its Write request and its response, or perhaps, if the response was not fetched. So there is
+a finding only if the last written value is the same in every order that the capture allows, and for every drive
+object that a request may have reached.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from ds47.spec.semantics import known
 _NEGATIVE: Final = 0x80
 """The first response id that is negative."""
 NEVER: Final = 1 << 62
-"""Stands for a frame behind the end of every capture."""
+"""A frame number beyond every capture."""
 _OF_CHANGES: Final = (0x02, 0x82, 0x42, 0xC2)
 """Response IDs of changes."""
 _KEPT: Final = 8
-"""Writes that may be the last one of a parameter; of more of them nothing is known."""
+"""How many Writes may compete for the last value of a parameter; with more the value is unknown."""
 
 Element = tuple[str, int, int]
 """Device, PNU and subindex."""
@@ -36,41 +36,41 @@ Element = tuple[str, int, int]
 
 @dataclass(slots=True, eq=False, repr=False)
 class Written:
-    """One value that was written. In force from some moment between two frames on, if it was accepted."""
+    """One value that was written. If accepted, it takes effect at some moment between `asked` and `until`."""
 
     access: DriveAccess
     number: int
-    """Its place in the request, from 0: one may name a parameter twice."""
+    """Its place in the request, from 0: a request may name a parameter twice."""
     raw: bytes
     format: int
     value: Value
     asked: int
     """Frame of the Write request."""
     until: int = NEVER
-    """Frame by which it is in force or never will be; NEVER while that is open."""
+    """From this frame on it is in force, or never will be; NEVER while that is open."""
     certain: bool = False
     """Whether the response says that it was accepted."""
     replaces: bool = False
-    """Whether a value that is forgotten was in force before it: a read that was open then may mean that one."""
+    """Whether it replaced a value that is forgotten: a read that was open then may return that value."""
 
 
 @dataclass(slots=True)
 class _Device:
-    """What is known of all parameters of a device at once."""
+    """What applies to all parameters of a device."""
 
     forgotten: int = 0
-    """Frame up to which nothing that was written counts."""
+    """Values written up to this frame no longer count."""
     recomputing: set[Job] = field(default_factory=set)
-    """Changes that make the drive compute other parameters anew, and have no response yet."""
+    """Changes without a response that make the drive recompute other parameters."""
 
 
 class ReadBack:
     """Remembers what was written, and compares what is read.
 
     Args:
-        most: parameters that are remembered; of more the one that was written longest ago is forgotten.
-        unseen: whether a change that nobody has told of may have come behind a frame: what a controller asked of
-            a device is missing there, or waits until its AR has proved itself.
+        most: how many parameters to remember; the one written longest ago is forgotten first.
+        unseen: whether an unknown change may have come after a frame: a call to the device is missing, or waits
+            until its AR has proved itself.
     """
 
     def __init__(self, most: int, unseen: Callable[[Peer, int], bool]) -> None:
@@ -82,7 +82,7 @@ class ReadBack:
         """Changes without a response, by parameter number."""
         self._devices: OrderedDict[str, _Device] = OrderedDict()
         self.pnus: set[int] = set()
-        """Every PNU that was ever written, and those that say more than their value: most reads ask for others."""
+        """All PNUs written so far, and those with data about the device: most reads are of other PNUs."""
 
     def asked(self, job: Job) -> None:
         """A Write request asks for a change."""
@@ -93,7 +93,7 @@ class ReadBack:
         assert half is not None
         reached, told = access_of(job), list[tuple[Element, Written]]()
         if _is_broken(message):
-            self._device(reached.device).recomputing.add(job)  # which values it writes is not known
+            self._device(reached.device).recomputing.add(job)  # its values are unknown
         pairs = zip(message.addresses, message.blocks, strict=False)
         for number, (address, block) in enumerate(pairs):
             if address.pnu in known().recomputing:
@@ -115,7 +115,7 @@ class ReadBack:
             written = Written(
                 written.access, written.number, b"", written.format, "", written.asked
             )
-            there.clear()  # too many at once: nothing is known of it any more
+            there.clear()  # too many at once: the value is unknown now
         there.append(written)
         if len(self._written) > self._most:
             self._written.popitem(last=False)
@@ -125,7 +125,7 @@ class ReadBack:
         self._device(device).forgotten = frame
 
     def unasked(self, job: Job) -> None:
-        """A response without its request: that of a change, as a cut one may be, says that something changed."""
+        """A response without its request: if it may be that of a change, an unknown value has changed."""
         half, response = job.read_response, job.response
         assert half is not None
         known = None if response is None else response.response_id
@@ -134,7 +134,7 @@ class ReadBack:
             device.forgotten = max(device.forgotten, half.frame)
 
     def settled(self, job: Job, *, stray: bool) -> None:
-        """The response to a change is there, or it is over without one; `stray`: the response is another's."""
+        """A change has its response, or is over without one; `stray`: the response belongs to another request."""
         device = self._device(job.peer.device)
         response, read = job.response, job.read_response
         frame = (job.superseded_by or NEVER) if read is None else read.frame
@@ -154,7 +154,7 @@ class ReadBack:
                 self._in_force(key, written)
 
     def _in_force(self, key: Element, written: Written) -> None:
-        """A value was accepted: what was written in the same way before it does not count any more."""
+        """A value was accepted: earlier values written in the same way no longer count."""
         written.certain = True
         there, kept = self._written.get(key, []), list[Written]()
         for each in there:
@@ -205,7 +205,7 @@ class ReadBack:
                 }  # fmt: skip
 
     def _last(self, key: Element, reached: DriveAccess, since: int, asked: int) -> Written | None:
-        """What was written last between two frames, as far as that is sure; None where it is not."""
+        """The value that was written last between two frames; None if that is not sure."""
         objects, pnu = self.objects, key[1]
         near = [
             each
@@ -246,14 +246,14 @@ def access_of(job: Job) -> DriveAccess:
 
 
 def _last_frame(job: Job) -> int:
-    """The last frame of a job whose response was not fetched."""
+    """The last frame of a job without a fetched response."""
     half = job.write_response or job.write_request
     assert half is not None
     return half.frame
 
 
 def _outcome(job: Job, stray: bool) -> tuple[set[int] | None, int]:
-    """Which parameters, from 0, did not take effect (None: all), and of how many, from the first, this is sure."""
+    """Which parameters (from 0) did not take effect, None: all; and for how many, from the first, that is sure."""
     message, response, half = job.message, job.response, job.read_response
     assert message is not None
     if job.write_refused:
@@ -261,7 +261,7 @@ def _outcome(job: Job, stray: bool) -> tuple[set[int] | None, int]:
     if response is None or half is None or response.response_id is None or stray:
         return set(), 0
     if half.missing or half.status or (response.flaws and _has(response, "DS309", "DS313")):
-        return set(), 0  # nor does it say for sure what became of what it has blocks of
+        return set(), 0  # then even its blocks are not sure
     blocks, failed = response.blocks, set[int]()
     if response.failed:
         failed.update(number for number, block in enumerate(blocks) if block.error is not None)

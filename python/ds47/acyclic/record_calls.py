@@ -1,7 +1,7 @@
-"""RPC calls to the records in them: what is asked and answered of each goes on to `record_events`.
+"""RPC calls to the records in them: passes the request and the response of each record to `record_events`.
 
-Sits between the RPC calls (`profinet.calls`) and those, and reports what is wrong with the transport of a record
-call (DS1xx, DS208). Knows of a record where it goes, and nothing of what it holds.
+Takes RPC calls from `profinet.calls`. Reports what is wrong with the transport of a record call (DS1xx, DS208).
+Knows the address of a record, not its content.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ from ds47.spec.semantics import Limits
 
 OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
 _OF_REQUESTS: Final = ("calls", "activities", "pending_writes")
-"""Limits that push out requests of which only the response may still come."""
+"""Limits that push out requests: then only their responses may still come."""
 
 
 class RecordCalls:
-    """Takes what becomes of calls (`profinet.calls`).
+    """Takes what happens to calls (`profinet.calls.Became`).
 
     Args:
         events: hears of every record that may be ours.
-        pairing: hears of connections that begin.
-        told: gets the transport findings, what is foreign, and what a Connect sets up.
-        completeness: hears of Writes of which the capture cut off where they go.
+        pairing: hears when a connection begins.
+        told: gets the transport findings, foreign Writes, and what a Connect sets up.
+        completeness: hears of calls with an unknown place, because the capture cut them.
         limits: the numbers of spec/limits.toml.
-        stations: take what names a device.
-        vendor: gives the vendor id of the device at an IP address whose calls do not say it; None: nobody does.
+        stations: learns the names of devices.
+        vendor: IP address -> vendor id, for devices whose calls do not say it; None: unknown.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class RecordCalls:
         vendor: Callable[[str], int | None] | None = None,
     ) -> None:
         self._who = _who if vendor is None else lambda *about: _named(_who(*about), vendor)
-        """Who talks to whom, by the addresses and the object UUID, and whose the device is."""
+        """The peer, from the addresses and the object UUID, with the vendor of the device."""
         self._stations = stations
         self._limits = limits
         self._events = events
@@ -78,13 +78,13 @@ class RecordCalls:
         self._told = told
         self._completeness = completeness
         self._forgot_requests = False
-        """Whether a limit pushed out a request whose response may still come."""
+        """Whether a limit pushed out a request, so that its response may still come."""
         self._newest = 0
         """The frame of the newest response that concerns us."""
         self._alone: OrderedDict[int, list[Remark]] = OrderedDict()
-        """The newest responses without a request (DS102), by their frames."""
+        """Frame -> DS102, for the newest responses without a request."""
         self._connections: dict[tuple[str, str], rpc.Pdu] = {}
-        """Of client and server the request that begins or ends an AR, until its response or the next request."""
+        """Client and server -> the request that begins or ends an AR, until its response or their next request."""
         self.takes: dict[What, Callable[[Any, Any], None]] = {
             "asked": self._asked, "answered": self._answered, "failed": self._failed,
             "again": self._again, "late": self._late, "twice": self._twice,
@@ -93,12 +93,12 @@ class RecordCalls:
             "lost": self._lost, "pushed_out": self._lost,
             "incomplete": lambda call, pdu: self.incomplete(pdu, "RPC", call),
         }  # fmt: skip
-        """What takes a call and its message, by what became of the call (`profinet.calls.Became`)."""
+        """What happened to a call (`profinet.calls.Became`) -> what takes the call and its message."""
 
     def finish(self) -> None:
-        """The capture is over: tells of each limit that pushed something out, once.
+        """The capture is over: reports each limit that pushed something out, once (DS109).
 
-        Not of requests whose response may still come, where none came any more: nothing was given up then.
+        Not if it only pushed out requests, and no response came since: then nothing was lost.
         """
         for name, (frame, count) in self._events.pushed_out.items():
             if name in _OF_REQUESTS and self._newest < frame:
@@ -107,12 +107,12 @@ class RecordCalls:
             self._told.append(("remark", Remark("DS109", frame, args), None))
 
     def incomplete(self, given_up: rpc.GivenUp, kind: str, call: RpcCall | None = None) -> None:
-        """A message whose fragments did not become whole.
+        """A message was given up before all its fragments were there.
 
         Args:
-            given_up: its beginning, or the first that was seen of it, and why.
+            given_up: its first fragment, or the first one seen, and why.
             kind: "RPC" or "IP".
-            call: the call that it answers, as far as that is known.
+            call: the call that it answers, if known.
         """
         pdu, have, limit = given_up
         asked = next((each for each in call.context if each.ours), None) if call else None
@@ -129,7 +129,7 @@ class RecordCalls:
             self._events.pass_on(record, "remark" if record.write else "about", remark)
 
     def _first_record(self, pdu: rpc.Pdu) -> Record | None:
-        """The first record in the beginning of a message; None where that tells of none that can be ours."""
+        """The first record in the beginning of a message; None if it shows none that can be ours."""
         if pdu.fragment or pdu.ptype not in (0, 2):
             return None
         peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
@@ -161,7 +161,7 @@ class RecordCalls:
                 events.asked(record, pdu.cut)
 
     def _several(self, pdu: rpc.Pdu, records: list[Record], multiple: bool) -> None:
-        """A request of not just one record: an IODWriteMultiple, or what does not parse."""
+        """A request with more or less than one record: an IODWriteMultiple, or one that does not parse."""
         if pdu.missing:
             self._completeness.cut(pdu)
         if multiple:
@@ -170,7 +170,7 @@ class RecordCalls:
             self._told.append(("remark", Remark("DS208", pdu.frame), None))
 
     def _late(self, call: RpcCall, answer: rpc.Pdu) -> None:
-        """The request of a response that was heard of already, as one without its request."""
+        """The request came after its response, which was already reported as one without a request."""
         pdu = call.request
         assert pdu is not None
         self._stations.message(answer)
@@ -209,7 +209,7 @@ class RecordCalls:
                 self._events.pass_on(record, "read_lost")
 
     def _wait(self, pdu: rpc.Pdu) -> None:
-        """A request that begins or ends an AR waits; of more than a limit the oldest does no more."""
+        """A request that begins or ends an AR waits for its response; beyond a limit the oldest stops waiting."""
         if pdu.opnum == RPC_CONNECT:
             self._stations.message(pdu)
         key = pdu.client, pdu.server
@@ -222,10 +222,9 @@ class RecordCalls:
             self._connection(self._connections.pop(oldest))
 
     def _goes_on(self, pdu: rpc.Pdu) -> None:
-        """A connection begins or ends with its response, or when its client asks for something else after it.
+        """A connection begins or ends with the response, or with the next request of its client.
 
-        Between the two may stand the responses to requests that came before it, which are out of order in the
-        capture (P79). One of which neither is there changes nothing.
+        Responses to earlier requests may come in between, out of order (P79). Without either, nothing changes.
         """
         begun = self._connections.get((pdu.client, pdu.server))
         if begun is not None and (pdu.ptype != 0 or pdu.time_ns >= begun.time_ns):
@@ -233,7 +232,7 @@ class RecordCalls:
             self._connection(begun)
 
     def _connection(self, pdu: rpc.Pdu) -> None:
-        """An AR begins or ends, as its request says; or a response whose request is missing."""
+        """An AR begins or ends, as the request says, or as a response without a request says."""
         at = Moment(pdu.frame, pdu.time_ns)
         if pdu.opnum == RPC_RELEASE and (ar := released_ar(pdu)):
             self._events.released((pdu.client, pdu.server, ar), at)
@@ -338,5 +337,5 @@ def _who(client: str, server: str, object_uuid: bytes) -> Peer:
 
 
 def _named(peer: Peer, vendor: Callable[[str], int | None]) -> Peer:
-    """Whose the device is, where its calls do not say it."""
+    """The peer with the vendor of the device, also if its calls do not say it."""
     return peer if peer.vendor_id is not None else peer._replace(vendor_id=vendor(peer.device))

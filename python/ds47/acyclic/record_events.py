@@ -1,8 +1,8 @@
-"""What happens to a record that may be ours; once it is known to be ours, the jobs hear of it.
+"""What happens to a record that may be ours: tells the pairing once the record is known to be ours.
 
-Stands between those who know how a record travels (`record_calls` for RPC, `ms1_calls` for PROFIBUS) and the
-jobs (`pairing`). Holds back what is not known to be ours yet (`index47`), decodes a request once, and says where
-the length of a record or the order of the capture is wrong (DS106, DS107, DS202). Compares nothing.
+Takes records from `record_calls` (RPC) and `ms1_calls` (PROFIBUS). Holds back what is not known to be ours yet
+(`index47`), decodes each request once, and reports a wrong length of a record or a wrong order of the capture
+(DS106, DS107, DS202). Compares nothing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class RecordEvents:
     """Tells the pairing what happens to records, once they are known to be ours.
 
     Args:
-        index47: which records are ours.
+        index47: decides which records are ours.
         pairing: hears of every Write and Read that is ours.
         codec: dialects of the messages.
         told: gets the findings.
@@ -46,15 +46,15 @@ class RecordEvents:
             "pushed_out": lambda _, what: self.push_out(*what), "remark": self._remark, "about": self._about,
             "release": lambda ar, at: pairing.release(ar[0], ar[1], ar[2], at, SHARED_INDEX),
         }  # fmt: skip
-        """What may happen to a record, or to its AR, once it is ours, with what it is about."""
+        """The name of an event -> what takes the record (or its AR) and one more object, once it is ours."""
         self.pushed_out: dict[str, list[int]] = {}
-        """By the name of a limit (spec/limits.toml): where the first of what it pushed out began, and how much."""
+        """Name of a limit (spec/limits.toml) -> the frame of the first thing that it pushed out, and how many."""
         self.concerned = index47.concerned
-        """The indices of which a record can be ours at all."""
+        """The indices that can carry the parameter channel."""
         self.newest_ns = 0
-        """The time of the newest frame of a call that is ours; 0 where none came,"""
+        """The time of the newest frame of a call that is ours; 0 for none."""
         self.newest_frame = 0
-        """and its number."""
+        """The number of that frame."""
         self.requests: Counter[tuple[int, bool]] = Counter()
         """Record requests, ours or not, by index and whether they write."""
 
@@ -78,12 +78,12 @@ class RecordEvents:
             self._happens[event[0]](*event[1:])
 
     def released(self, ar: ArKey, at: Moment) -> None:
-        """An AR is over; what waits of it, too, once it goes on."""
+        """An AR is over. If its events wait, its release waits behind them."""
         self._pairing.release(*ar, at)
         self._index47.follow(ar, ("release", ar, at))
 
     def asked(self, record: Record, cut: Cut | None) -> None:
-        """A request; its index concerns us. `cut`: where the capture cut the message; None where it did not."""
+        """A request with one of our indices. `cut`: the frame that the capture cut; None for none."""
         half, message, index47 = record.request, None, self._index47
         assert half is not None
         if half.missing:
@@ -101,7 +101,7 @@ class RecordEvents:
         index47.heard(record.relation, half.frame, asks=True)
 
     def answered(self, record: Record, cut: Cut | None) -> None:
-        """The response to a request, or one without; arguments as for `asked`."""
+        """A response, with or without its request; arguments as for `asked`."""
         half, write = record.response, record.write
         assert half is not None
         if (half.missing and not write) or (half.cut and half.untold):
@@ -123,18 +123,18 @@ class RecordEvents:
             self._index47.heard(record.relation, half.frame, asks=False)
 
     def asked_late(self, record: Record, answer: int) -> None:
-        """The request of a Read whose response was in an earlier frame, with that frame."""
+        """The request of a Read came after its response, which was in the frame `answer`."""
         self.pass_on(record, "read_asked_late", answer)
         if record.index == SHARED_INDEX:
             self._index47.heard(record.relation, answer, asks=True)
 
     def not_unasked(self, record: Record) -> None:
-        """A response was no one without its request: that came late, and is told next."""
+        """The request of a response came late: that response no longer counts as one without a request."""
         if record.index == SHARED_INDEX:
             self._index47.unheard(record.relation)
 
     def finish(self) -> None:
-        """The capture is over: what still waits is not known to be ours (DS209)."""
+        """The capture is over: it is unknown whether what still waits is ours (DS209)."""
         for device, (first, records, asks) in self._index47.unproven():
             what = "unproven_calls" if asks else "unproven_responses"
             args = {"device": device, "count": records, "what": what}
@@ -175,7 +175,7 @@ class RecordEvents:
             self._pairing.write_response(record.job, half, fault=True)
 
     def _proves(self, record: Record, half: Half) -> bool:
-        """Whether what a Read brought shows that its AR uses the parameter channel."""
+        """Whether the record of a Read proves that its AR uses the parameter channel."""
         index47 = self._index47
         if not half.data or index47.passes(record.relation, record.index):
             return False
@@ -186,7 +186,7 @@ class RecordEvents:
         return answers or self._pairing.is_again(record)
 
     def _is_echo(self, record: Record, half: Half) -> bool:
-        """Whether a Read shows a store: nothing of that is judged, and its ARs wait again (P20)."""
+        """Whether a Read shows a store, which only returns what was written: its ARs wait again (P20)."""
         index47, place = self._index47, record.place
         drive = index47.is_of_drive(record.peer.device, place)
         ars = None if drive else index47.echoed(record.relation, place, half.data)
@@ -222,8 +222,8 @@ class RecordEvents:
         self.pass_on(record, "remark", remark)
 
     def _back(self, record: Record, half: Half) -> None:
-        """A frame, or its time, lies before the newest one."""
-        if half.frame < self.newest_frame:  # that of an AR that proved itself late
+        """A frame is out of order, by its number or its time (DS107)."""
+        if half.frame < self.newest_frame:  # its AR proved itself late
             return
         if self.newest_frame:
             back = (self.newest_ns - half.time_ns) / 1e6

@@ -1,7 +1,7 @@
 """Reads and writes of records by MS1 and MS2, from the exchanges of a line (docs/profibus.md 6).
 
-A service is asked once and polled until its answer is there: SC, no data and empty answers say that it is not.
-What is asked of a record, and what "not ready" (B5) means for it, is not here: every DS_Read is a call of its own.
+A master requests a service once, and polls until the answer is there. SC, no data and empty answers mean: not yet.
+Not here: what a record asks for, and what "not ready" (B5) means for it. Every DS_Read is a call of its own.
 """
 
 from __future__ import annotations
@@ -16,45 +16,45 @@ from ds47.profinet.records import NIL_UUID, NO_API, Half, Record
 _IDLE = "idle"
 """The function that keeps a connection of MS2 alive: no service, and no answer to one."""
 MOST_POLLS = 64
-"""Polls of a call that are kept,"""
+"""How many polls of a call are kept."""
 MOST_OPEN = 1_024
-"""and calls without an answer: eight for each station that a line can have."""
+"""How many open calls are kept: eight for each station that a line can have."""
 
 
 @dataclass(slots=True, eq=False)
 class ServiceCall:
-    """A DS_Read or DS_Write with its answer; `record` is what the pairing takes.
+    """A DS_Read or DS_Write with its answer; the pairing takes its `record`.
 
-    `record.response.status` is 0 or that of the refusal (docs/profibus.md 4), `record.ar` is empty.
+    `record.response.status` is 0, or the status of the refusal (docs/profibus.md 4); `record.ar` is empty.
     """
 
     master: int
     station: int
-    """Of the slave,"""
+    """The address of the slave."""
     sap: int
-    """and its SAP: 51 for MS1."""
+    """The SAP of the slave: 51 for MS1."""
     record: Record
     polls: list[Exchange] = field(default_factory=list)
-    """Exchanges that brought no answer yet, that of the request first: the first ones,"""
+    """The first exchanges without an answer, beginning with that of the request."""
     polled: int = 0
-    """and how many there are."""
+    """The number of exchanges without an answer."""
     fault: int | None = None
-    """The function code that refused it below MS1: 3 where the SAP is not enabled."""
+    """The function code that refused it below MS1: 3 if the SAP is not enabled."""
 
 
 Became = tuple[Literal["asked", "answered", "failed", "lost", "unasked"], ServiceCall]
-"""What became of a call:
+"""What happened to a call:
 
     asked      its request
     answered   it has its answer, positive or negative
-    failed     the station refused it before MS1 (`fault`); `record.response` has the place alone
+    failed     the station refused it below MS1 (`fault`); `record.response` only has frame and time
     lost       another service began, or nothing came any more; or it is the oldest of too many
     unasked    an answer without its request; a negative one has neither slot nor index, and is left out
 """
 
 
 class ServiceTracker:
-    """Takes the exchanges of a line and returns what becomes of the calls in them."""
+    """Takes the exchanges of a line and returns what happens to the calls in them."""
 
     SERVICES: ClassVar = frozenset({dp.RECORD, dp.MS2})
 
@@ -62,7 +62,7 @@ class ServiceTracker:
         self._open: dict[tuple[int, int, int], ServiceCall] = {}
 
     def take(self, exchange: Exchange) -> list[Became]:
-        """What becomes of calls by an exchange; those of other services than MS1 and MS2 say nothing here."""
+        """Takes an exchange. Returns what happened to calls; only MS1 and MS2 count."""
         item, news = exchange.request.item, list[Became]()
         if dp.service(item) not in self.SERVICES or not item.request:
             return news
@@ -77,7 +77,7 @@ class ServiceTracker:
         return news
 
     def finish(self) -> list[Became]:
-        """No exchange comes any more."""
+        """The capture is over."""
         news: list[Became] = []
         for key in list(self._open):
             self._lose(key, news)
@@ -145,7 +145,7 @@ class ServiceTracker:
 
 
 def _is_of(record: Record, answer: ms1.Ms1Message) -> bool:
-    """Whether an answer is one to a request; a refusal names no place. Else the request it is to was not seen."""
+    """Whether an answer belongs to a request; a refusal names no place. If not, its request was not captured."""
     place = answer.slot, answer.index
     same = place in ((None, None), (record.slot, record.index))
     return same and record.write == (answer.function == "write")
@@ -154,7 +154,7 @@ def _is_of(record: Record, answer: ms1.Ms1Message) -> bool:
 def _may_be_of_another(
     call: ServiceCall, exchange: Exchange, answer: ms1.Ms1Message | None
 ) -> bool:
-    """Whether a refusal, which names no place, may be for a request that was not seen."""
+    """Whether a refusal, which names no place, may be for a request that was not captured."""
     seen, asked = exchange.answer, call.record.request
     if seen is None or asked is None or exchange.hole <= asked.frame:
         return False
@@ -164,8 +164,8 @@ def _may_be_of_another(
 def _half(seen: LineFrame, message: ms1.Ms1Message) -> Half:
     """A message as one half of a record call.
 
-    A DS_Read carries nothing, and says how much it wants; the answer to a DS_Write repeats its length, and
-    carries nothing either.
+    A DS_Read carries no data, and says how many bytes it wants. The answer to a DS_Write repeats the length, and
+    carries no data either.
     """
     if message.kind == ms1.REFUSAL:
         return Half(seen.frame, seen.time_ns, status=_status(message))
@@ -178,6 +178,6 @@ def _half(seen: LineFrame, message: ms1.Ms1Message) -> Half:
 
 
 def _status(refusal: ms1.Ms1Message) -> int:
-    """That of a refusal; error bytes that a short one does not have are 0, as it refuses without them, too."""
+    """The status of a refusal. Missing error bytes count as 0: a short refusal is a refusal, too."""
     errors = (refusal.error_decode, refusal.error_code_1, refusal.error_code_2)
     return int.from_bytes(bytes((refusal.code or 0, *(error or 0 for error in errors))))

@@ -1,6 +1,6 @@
 """A finished job as the transaction of the report: its state, its parameters, its frames and times.
 
-States and parameters follow docs/pairing.md; findings are the business of `judge`.
+States and parameters follow docs/pairing.md; `judge` makes the findings.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def build(job: Job) -> Transaction:
 
 
 def _operation(job: Job) -> Operation:
-    """What the response id of an orphan says that was asked."""
+    """The operation of an orphan, according to its response id."""
     response_id = job.response.response_id if job.response else None
     for known in request_ids().values():
         if response_id in (known.positive, known.negative):
@@ -110,11 +110,11 @@ def _outcome(job: Job, asked: int | None) -> State:
     known = response_ids().get(response_id)
     negative = known is not None and bool(known.negative)
     if not blocks and known and known.body != "blocks" and not negative:
-        return "ok"  # a positive response that has nothing to carry
+        return "ok"  # a positive response without content
     failed = response.failed
     done = len(blocks) - failed
     if response.cut and blocks[-1].error is None:
-        done -= 1  # the last value did not arrive whole
+        done -= 1  # the last value is incomplete
     if (half is not None and half.cut) or asked is None:
         sure = half is None or not half.cut or asked in (1, failed)
         count = response.parameter_count
@@ -126,9 +126,9 @@ def _outcome(job: Job, asked: int | None) -> State:
 
 
 def _outcome_as_far_as_seen(done: int, failed: int, negative: bool, sure: bool) -> State:
-    """That of a response whose end the capture cut off, or how many were asked for: the rest nobody knows.
+    """The state if the capture cut off the end of the response, or the number of parameters asked for.
 
-    `sure`: whether all parameters failed if none of them is seen to be done.
+    `sure`: if no parameter is seen to succeed, all have failed.
     """
     if not failed and not negative:
         return "ok"
@@ -173,7 +173,7 @@ def _listed(
     pnu: int | None, attribute: int | None, code: int | None, meaning: int | None,
     vendor_id: int | None, family: str | None,
 ) -> tuple[str | None, Pnu | None, str | None, str | None, str | None]:  # fmt: skip
-    """Name of an attribute, what the tables say of a PNU, unit and name of a format, whose tables they are."""
+    """Attribute name, row of the PNU in the tables, unit, format name, and family of the tables."""
     told = None if code is None else format_name(code, meaning)
     if pnu is None or attribute is None:
         return None, None, None, told, None
@@ -187,7 +187,7 @@ def _pairs(reads: list[tuple[Half | None, Half]]) -> list[Read]:
 
 
 def summarise(ended: Counter[tuple[str, str]]) -> dict[str, int]:
-    """How many transactions there are in all, by state and by operation, from how many there are of each pair."""
+    """The number of transactions: in all, by state and by operation; from the numbers for each pair."""
     summary = {"transactions": ended.total()}
     for pair, number in ended.items():
         for key in pair:

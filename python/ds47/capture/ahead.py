@@ -1,12 +1,12 @@
-"""What a scan finds in a stream, batch by batch; in a thread of its own where that pays.
+"""The frames that a scan finds in a stream, batch by batch; in a thread of its own if that pays.
 
 Lives here: when there is a thread, how far it may be ahead, how it ends. Not here: the walk over the
-frames (scan.py), the buffer (stream.py), what stands where the walk cannot go on (pcap.py, pcapng.py).
+frames (scan.py), the buffer (stream.py), blocks that stop the walk (pcap.py, pcapng.py).
 
-A compiled scan of a large plain file reads it too, without the interpreter, while the main thread makes
-transactions of what was found before. It only does the usual: at the end of the file, at damage or at a
-block that is no frame it stops, the thread ends, and all is as if there had been none. So there is one place
-that says what is wrong with a file. Uncompiled, the scan needs the interpreter, and a thread gains nothing.
+A compiled scan of a large plain file also reads the file, without the interpreter, while the main thread makes
+transactions of earlier frames. It only handles the usual case: at the end of the file, at damage or at a block
+that is no frame, it stops. The thread ends, and reading goes on as if there had been none. So only one place
+says what is wrong with a file. Uncompiled, the scan needs the interpreter, and a thread gains nothing.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from queue import SimpleQueue
 
 FROM = 1 << 24
-"""Bytes of a file for which a thread pays."""
+"""From this file size on a thread pays, in bytes."""
 NAME = "ds47 reading ahead"
-"""Of each thread, where a debugger lists them."""
+"""The name of each thread in a debugger."""
 _BATCHES = 4
-"""How many batches it may be ahead."""
+"""How many batches the thread may be ahead."""
 
 
 class Batches:
-    """The frames that `scan` finds in `window`, up to what it cannot pass; iterate again behind that.
+    """The frames that `scan` finds in `window`, up to a block that stops it; iterate again after that block.
 
     Call `close` unless all of them are taken.
     """
@@ -39,7 +39,7 @@ class Batches:
         self._scan = scan
         self._window = window
         self._thread: _Thread | None = None
-        self._next = 0  # from where on in the capture there may be a thread
+        self._next = 0  # a thread may start from this offset on
 
     def __iter__(self) -> Iterator[list[Found]]:
         if COMPILED and self._window.base >= self._next:
@@ -62,7 +62,7 @@ class Batches:
         finally:
             self.close()
         if self._window.base < begin + FROM:
-            # something else stands between the frames, and there will be more of it: threads are not for that
+            # other blocks stand between the frames, and more will follow: a thread does not pay
             self._next = self._window.base + FROM
 
     def close(self) -> None:
@@ -84,7 +84,7 @@ class _Thread:
         for _ in range(_BATCHES):
             self._room.put(None)
         scan.stopped = False
-        # a daemon: who leaves the interpreter without `stop` shall not have to wait
+        # a daemon: the interpreter can exit without `stop`
         self._thread = threading.Thread(
             target=_run,
             args=(scan, window, descriptor, self._found, self._room),
@@ -94,7 +94,7 @@ class _Thread:
         self._thread.start()
 
     def batches(self) -> Iterator[list[Found]]:
-        """What it finds. Raises what went wrong in the thread."""
+        """The batches it finds. Raises what went wrong in the thread."""
         while (found := self._found.get()) is not None:
             if isinstance(found, BaseException):
                 raise found
@@ -102,7 +102,7 @@ class _Thread:
             self._room.put(None)
 
     def stop(self) -> None:
-        """End it; scan and window stand where it stood."""
+        """End the thread; scan and window stay at its position."""
         self._scan.stopped = True
         self._room.put(None)
         if self._thread is not threading.current_thread():  # garbage collection may call this there
@@ -110,7 +110,7 @@ class _Thread:
 
 
 def _wait(scan: Scan, room: SimpleQueue[None]) -> None:
-    """Until all that was found is taken: what is behind it depends on it."""
+    """Waits until all batches are taken: they decide how the scan goes on."""
     taken = 0
     while taken < _BATCHES and not scan.stopped:
         room.get()
@@ -126,7 +126,7 @@ def _run(
     found: SimpleQueue[list[Found] | BaseException | None],
     room: SimpleQueue[None],
 ) -> None:
-    """The thread; a function, so that it keeps nothing alive of who iterates."""
+    """The body of the thread; a function, so that it does not keep the iterating object alive."""
     try:
         more = True
         while more:

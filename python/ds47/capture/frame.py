@@ -1,6 +1,6 @@
-"""What a capture consists of: one frame, and where the file says more of it, that too.
+"""One frame of a capture, and what else the file says about it.
 
-Plain data; how it gets out of a file is in pcap.py and pcapng.py, what it means in `ds47.profinet`.
+Plain data. pcap.py and pcapng.py read it from a file; `ds47.profinet` knows what it means.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Frame(Plain):
 
 @dataclass(slots=True, eq=False, repr=False)
 class Interface:
-    """What a file says of an interface; `options` are those for a person, as (code, value).
+    """What a file says about an interface; `options` are those for a person, as (code, value).
 
     A timestamp t of pcapng is t * numerator // denominator nanoseconds, plus the offset.
     """
@@ -70,7 +70,7 @@ class Interface:
 
 @dataclass(slots=True, init=False)
 class WholeFrame(Frame):
-    """A frame with all that its file says of it: `comments` are packet comments, `flags` is epb_flags."""
+    """A frame with everything in its file: `comments` are packet comments, `flags` is epb_flags."""
 
     interface: Interface
     comments: list[str]

@@ -1,6 +1,6 @@
-"""What the frames of a capture are: for one that has nothing of PROFINET, PROFIBUS or S7, so that a user sees why.
+"""The kinds of frames in a capture without PROFINET, PROFIBUS and S7, so that a user sees what was captured.
 
-Not here: which frames matter (scan.py), which is decided without looking at what the others are.
+Not here: which frames matter (scan.py).
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from .frame import Frame
 from .scan import IPV4, TCP, UDP, network_layer
 
 FRAMES: Final = 10_000
-"""So many frames are looked at."""
+"""How many frames to look at."""
 _ETHER_TYPES: Final = {
     0x0806: "ARP", 0x86DD: "IPv6", 0x8892: "PROFINET", 0x88A4: "EtherCAT", 0x88AB: "POWERLINK", 0x88CC: "LLDP",
     0x88E3: "MRP", 0x88F7: "PTP", 0x8847: "MPLS",
 }  # fmt: skip
 _PROTOCOLS: Final = {1: "ICMP", 2: "IGMP", TCP: "TCP", UDP: "UDP"}
 _PORTS: Final = {502: "Modbus TCP", 2222: "EtherNet/IP", 4840: "OPC UA", 44818: "EtherNet/IP"}
-"""Ports of what else machines speak: whoever sees it has the wrong line, or the wrong port of the switch."""
+"""Ports of other protocols of machines: the capture is from the wrong line, or the wrong port of the switch."""
 _LENGTHS: Final = 0x0600
 """Below it an EtherType is a length."""
 

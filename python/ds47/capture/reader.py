@@ -27,10 +27,10 @@ class Capture(Closing):
     * `path`: as given, or "-" for stdin.
     * `frames`: frames passed so far, the irrelevant ones included; all of them at the end.
     * `first_ns`: time of the first frame, None before it.
-    * `last_ns`: time of the last frame that was passed, some hundred at once; at the end that of the last one.
+    * `last_ns`: time of the last frame passed so far (in steps of some hundred frames); at the end the very last.
     * `complete`: True once the end was reached without a problem.
     * `problem`: one line when reading stopped early; offsets are those of the uncompressed bytes.
-    * `dropped`: frames the capturing machine lost (pcapng statistics), None where it does not say.
+    * `dropped`: frames that the capturing machine lost (pcapng statistics), None if it does not say.
 
     It is read once: a second iteration goes on where the first one stopped.
     """
@@ -57,17 +57,17 @@ class Capture(Closing):
         return self._frames
 
     def _read(self) -> Iterator[list[Frame]]:
-        # not compiled, on purpose: here the interpreter looks up, at every batch, for Ctrl-C and for the
-        # thread that reads ahead; what is compiled on both sides of this does not
+        # not compiled, on purpose: here the interpreter reacts at every batch to Ctrl-C, and lets the thread that
+        # reads ahead run; the compiled code on both sides does neither
         yield from self._reader.read()
         self._ended = True
 
     def watch(self, watches: Sequence[Watch]) -> None:
-        """From the next frame on these cyclic frames matter too, and no others."""
+        """From the next frame on, exactly these cyclic frames matter too."""
         self._reader.watch(watches)
 
     def tcp(self, ports: Iterable[int]) -> None:
-        """From the next frame on those of these ports of TCP matter too, and of no others."""
+        """From the next frame on, frames of exactly these TCP ports matter too."""
         self._reader.tcp(ports)
 
     def everything(self, wanted: Callable[[int], bool] = lambda _: True) -> Iterator[WholeFrame]:
@@ -112,7 +112,7 @@ class Capture(Closing):
 
     @property
     def gaps(self) -> bool:
-        """Whether frames lack between two others."""
+        """Whether frames are missing between two others."""
         return bool(self.dropped)
 
     def close(self) -> None:

@@ -1,8 +1,8 @@
-"""Captures that are no file of this machine: `s3://bucket/x.pcapng` and all else that fsspec opens.
+"""Captures on other machines: `s3://bucket/x.pcapng` and everything else that fsspec opens.
 
-Lives here: what a URL is, opening it, listing below it, what is known of it. fsspec is imported
-only for a URL. Its file systems raise whatever their libraries do: here that becomes OSError or
-CaptureError, as for a file.
+Lives here: what a URL is, opening it, listing below it, its size and mark. fsspec is imported only for a
+URL. Its file systems raise any exception of their libraries: here they become OSError or CaptureError, as
+for a file.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from .names import is_capture
 _PIECE = 1 << 20
 
 _MARKS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "created")
-"""Names that file systems give to what changes with a file."""
+"""Names that file systems use for something that changes with a file."""
 
 
 def is_url(name: str) -> bool:
-    """Whether a name is that of something behind a protocol."""
+    """Whether a name is a URL, with a protocol."""
     return "://" in name
 
 
@@ -119,7 +119,7 @@ class _Remote(io.RawIOBase):
 
 
 def reason(problem: Exception) -> str:
-    """What a file system says of a failure, in one line."""
+    """The message of a file system about a failure, in one line."""
     if isinstance(problem, FileNotFoundError):
         return "No such file or directory"
     text = getattr(problem, "strerror", None) or str(problem) or type(problem).__name__

@@ -135,7 +135,7 @@ class Series(Closing):
 
     @property
     def gaps(self) -> bool:
-        """Whether frames lack between two others: dropped ones, a missing or a damaged file."""
+        """Whether frames are missing between two others: dropped ones, a missing or a damaged file."""
         missing = any(file.missing_before for file in self.files[1:])
         damaged = any(file.problem for file in self.files[:-1])
         return missing or damaged or bool(self.dropped)

@@ -285,7 +285,7 @@ class Window:
         self.broken: str | None = None
 
     def close(self) -> None:
-        """Nothing is read any more. An analysis that is over may keep the window for a while, in a cycle."""
+        """Frees the buffer: a finished analysis may keep the window alive for a while, in a reference cycle."""
         self.data = bytearray(PADDING)
         self.view, self.end = memoryview(self.data), 0
 

@@ -40,10 +40,10 @@ width_option = click.option(
 
 
 def columns_of(output_name: str = "-") -> int | None:
-    """Columns of the terminal (or COLUMNS) where text goes to it, but no fewer than a report needs; else None."""
+    """Columns of the terminal (or COLUMNS), at least as many as a report needs; None if text goes elsewhere."""
     if output_name != "-" or not sys.stdout.isatty():
         return None
-    from shutil import get_terminal_size  # takes its time: it knows archives, too
+    from shutil import get_terminal_size  # slow: shutil imports archives, too
 
     return max(LEAST_WIDTH, get_terminal_size().columns)
 
@@ -56,7 +56,7 @@ def prose_width() -> int:
 
 
 def tell(lines: Iterable[str]) -> None:
-    """Writes lines to stdout; each goes on in the next line where the terminal has no room."""
+    """Writes lines to stdout, wrapped to the terminal."""
     from ds47.report.wrap import fitted
 
     stream, width = stdout(), columns_of()

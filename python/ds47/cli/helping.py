@@ -1,6 +1,6 @@
 """The help of a command: an example, its own options, then those of others in groups; PROFIBUS and S7 come last.
 
-What an option does is said where it is made. Here stands only which of them belong together.
+Each option explains itself where it is defined. This module only says which options belong together.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ GROUPS: Final = {
 }  # fmt: skip
 """Which options, by the names of their values, belong together."""
 _FEW: Final = 14
-"""So many options need no groups."""
+"""Up to this many options need no groups."""
 _LINE: Final = 48
 """Columns of an example that has its explanation beside it."""
 

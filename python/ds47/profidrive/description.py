@@ -1,4 +1,4 @@
-"""What the attributes description (0x20) and text (0x30) say of a parameter (docs/protocol.md C).
+"""What the attributes description (0x20) and text (0x30) say about a parameter (docs/protocol.md C).
 
 Made from the values that a message has, whatever format a drive puts them in: a whole description of 46 bytes, one
 element of it, entries of a text array. What is no description is None, and no bytes raise. Nothing is guessed: a
@@ -76,7 +76,7 @@ class Description:
 def describe(
     subindex: int | None, format_name: str | None, values: Sequence[Value]
 ) -> Description | None:
-    """The description that these values are, None where they are none.
+    """The description in these values, None if they are none.
 
     Args:
         subindex: 0 for all elements, else the number of one.
@@ -102,7 +102,7 @@ def describe(
 
 
 def texts(format_name: str | None, values: Sequence[Value]) -> list[str] | None:
-    """The entries of a text array without the blanks at their end, None where these values are no text."""
+    """The entries of a text array without trailing blanks, None if these values are no text."""
     row = None if format_name is None else spec.format_named(format_name)
     if row is None or row.size not in (1, descriptions.text_length()):
         return None
@@ -115,7 +115,7 @@ def texts(format_name: str | None, values: Sequence[Value]) -> list[str] | None:
 
 
 def _octets(format_name: str | None, values: Sequence[Value]) -> bytes | None:
-    """The bytes that these values were in the message; None where that is not known."""
+    """The bytes of these values in the message; None if unknown."""
     row = None if format_name is None else spec.format_named(format_name)
     if row is None or row.size is None or not values or row.size > _BYTES.get(row.kind, -1):
         return None
@@ -139,7 +139,7 @@ def _text(raw: bytes) -> str:
 
 
 def _take(found: Description, name: str, raw: bytes) -> None:
-    """Puts an element where it belongs."""
+    """Sets the field for an element."""
     take = _TAKE.get(name)
     if take is not None:
         take(found, raw)
@@ -181,7 +181,7 @@ def _high(found: Description, raw: bytes) -> None:
 
 
 def _limit(type_name: str | None, raw: bytes) -> Value | None:
-    """A limit as a value of the type: in all four bytes, or at their right end behind nothing but its sign."""
+    """A limit as a value of the type: all four bytes, or the last ones, after nothing but copies of its sign."""
     row = None if type_name is None else spec.format_named(type_name)
     if row is None or row.kind not in _LIMITED or row.size is None or row.size > _LIMIT:
         return None

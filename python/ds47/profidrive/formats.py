@@ -17,10 +17,10 @@ from ds47 import spec
 from ds47.profidrive.model import Value
 
 _EXACT = 2**53
-"""Beyond it a double, and so the JSON of many readers, no longer holds every whole number."""
+"""A double, and so many JSON readers, cannot hold every whole number beyond this."""
 _FLOAT32: Final = struct.Struct(">f")
 _NORMAL, _TOO_LARGE = 2.0**-126, 2.0**128 - 2.0**103
-"""Below the one a Float32 has fewer digits; from the other on a double is infinite as a Float32."""
+"""Below the first, a Float32 has fewer digits; from the second on, a double is infinite as a Float32."""
 _LARGEST: Final = {4: "3.4028235e+38", 8: "1.7976931348623157e+308"}
 """The largest finite numbers, by bytes."""
 _DAY_MS = 86_400_000
@@ -31,8 +31,8 @@ _MS_MASK = 0x0FFFFFFF
 class Codec(NamedTuple):
     """How the values of one format are read, written and scaled.
 
-    decode: (bytes of whole values, how many) -> values.  encode: the reverse, raises ValueError, with
-    the value that does not fit.  scale: (values, bytes) -> physical values; None where the format has none.
+    decode: (bytes of whole values, how many) -> values.  encode: the reverse; raises ValueError with
+    the value that does not fit.  scale: (values, bytes) -> physical values; None if the format has none.
     """
 
     size: int
@@ -44,11 +44,11 @@ class Codec(NamedTuple):
 
 @cache
 def codec(code: int, size: int | None = None) -> Codec | None:
-    """The codec of a format code, None where the length of its values cannot be known.
+    """The codec of a format code, None if the length of its values is unknown.
 
     Args:
         code: a code of spec/formats.toml, dialects already resolved.
-        size: bytes per value where the format has two sizes; its own otherwise.
+        size: bytes per value, if the format has two sizes; None: the usual one.
     """
     row = spec.formats().get(code)
     if row is None or row.size is None or row.kind not in _MAKERS:
@@ -57,7 +57,7 @@ def codec(code: int, size: int | None = None) -> Codec | None:
 
 
 def number_value(number: int | float) -> Value:
-    """A number as a value: beyond 2^53 a decimal string, not finite a word."""
+    """A number as a value: a decimal string beyond 2^53, a word if it is not finite."""
     if isinstance(number, int):
         return number if -_EXACT <= number <= _EXACT else str(number)
     if math.isfinite(number):
@@ -66,7 +66,7 @@ def number_value(number: int | float) -> Value:
 
 
 def float32_value(number: float) -> Value:
-    """The shortest decimal that gives the same Float32, as a double; not finite: a word."""
+    """The shortest decimal with the same Float32, as a double; a word if it is not finite."""
     if not math.isfinite(number):
         return number_value(number)
     if number.is_integer() and abs(number) < 2**24:
@@ -255,7 +255,7 @@ def _show_duration(raw: bytes) -> Value:
 
 
 def _show_date(raw: bytes) -> Value:
-    """ISO 8601, unchecked: a month 13 stays visible. Years 84 to 99 are of the last century."""
+    """ISO 8601, unchecked: a month 13 stays visible. Years 84 to 99 belong to the last century."""
     milliseconds = int.from_bytes(raw[:2], "big")
     minute, hour, day, month, year = (
         raw[2] & 63,

@@ -2,8 +2,7 @@
 
 Decoding takes any bytes and never raises: what is wrong becomes a `Flaw`, what cannot be decoded
 stays in `rest`. Encoding a decoded message gives the same bytes again, whatever was wrong with it.
-How single values look is in `formats`; what a response says about its request is judged in
-`ds47.acyclic.judge`.
+`formats` decodes single values; `ds47.acyclic.judge` compares a response with its request.
 """
 
 from __future__ import annotations
@@ -34,9 +33,9 @@ _ADDRESS: Final = struct.Struct(">BBHH")
 NOT_SUPPORTED: Final = 0x80
 """Response id of a device that does not know the request id."""
 _SINGLE: Final = 0x23
-"""The error number of a drive that takes one parameter a request."""
+"""The error number of a drive that takes only one parameter per request."""
 _LONGEST_SHARED: Final = 512
-"""Bytes of a request that is remembered in its decoded form."""
+"""The most bytes of a request that is cached in its decoded form."""
 _DEFAULTS = Options()
 
 
@@ -46,8 +45,8 @@ def decode_request(data: bytes, options: Options = _DEFAULTS, *, cut: bool = Fal
     Args:
         data: the record, without the 64-byte header of the record block.
         options: dialects.
-        cut: whether the capture cut off its end. What only the whole message tells stays undecided then, with
-            all that stands behind it: which of two sizes a format has, and whether a byte is a pad.
+        cut: whether the capture cut off its end. Then two things stay undecoded, with everything after them,
+            because only the whole message decides: a format with two sizes, and a byte that may be a pad.
     """
     request = Request(*_header(data), length=len(data))
     if cut:
@@ -71,10 +70,10 @@ def decode_request(data: bytes, options: Options = _DEFAULTS, *, cut: bool = Fal
 
 
 def shared_request(data: bytes, options: Options = _DEFAULTS, *, cut: bool = False) -> Request:
-    """The same as `decode_request`, for programs that ask again and again.
+    """The same as `decode_request`, but cached, for programs that repeat requests.
 
-    Requests that differ in their reference alone share addresses and blocks: nobody may change these. Reference 0
-    is a flaw, so such a request is decoded by itself.
+    Requests that differ only in their reference share addresses and blocks, so these must not be changed.
+    Reference 0 is a flaw, so such a request is decoded separately.
     """
     if cut or not data or not data[0] or len(data) > _LONGEST_SHARED:
         return decode_request(data, options, cut=cut)
@@ -83,7 +82,7 @@ def shared_request(data: bytes, options: Options = _DEFAULTS, *, cut: bool = Fal
 
 @lru_cache(maxsize=4096)
 def _under_one(behind: bytes, options: Options) -> Request:
-    """A request under reference 1, by what stands behind its reference."""
+    """A request under reference 1, from the bytes after its reference."""
     return decode_request(b"\x01" + behind, options)
 
 
@@ -116,7 +115,7 @@ def decode_response(
     if count == 0 and not unsupported:
         flaws.append(Flaw("DS303", 3, {}))
     vendor = (known is not None and known.vendor) or (
-        # What a drive answers that does not know the request is the profile's.
+        # A drive that does not know the request answers as the profile says.
         request is not None and request.operation == "vendor" and not unsupported
     )
     kind = "all" if unsupported else known.body if known else "free"
@@ -142,13 +141,13 @@ def family_fits(request_id: int, response_id: int) -> bool:
 
 
 def kind_fits(request: Request, data: bytes) -> bool | None:
-    """Whether a response is of the family of a request, of its axis, and has as many parameters.
+    """Whether a response fits a request in response id, axis and number of parameters.
 
-    What stands behind the id 0x80 is not documented, and its number says nothing.
+    The number after id 0x80 is not documented, so it does not count.
 
     Args:
-        request: what was asked.
-        data: the response. None where either lacks a part of its header.
+        request: the request.
+        data: the response. The result is None if either lacks a part of its header.
     """
     asked, count = request.request_id, request.parameter_count
     if asked is None or count is None or len(data) < MESSAGE_SIZE:
@@ -218,7 +217,7 @@ def _address_flaws(flaws: list[Flaw], address: Address) -> None:
 
 
 def _value_counts(request: Request) -> None:
-    """Values given against elements addressed; descriptions and texts count otherwise (C)."""
+    """Compares the numbers of values and of addressed elements; descriptions and texts count otherwise (C)."""
     for address, block in zip(request.addresses, request.blocks, strict=False):
         elements = address.element_count or 1
         if address.attribute == VALUE and block.value_count != elements:
@@ -240,7 +239,7 @@ def _broken(flaws: list[Flaw]) -> bool:
 
 @cache
 def codecs(legacy_g120: bool, profile_v3: bool) -> tuple[tuple[int | None, Codec | None], ...]:
-    """For each format byte: the code whose meaning it has if that is another one, and the codec."""
+    """For each format byte: the code that it stands for in the dialect (None: itself), and the codec."""
     other: dict[int, int] = {}
     if legacy_g120:
         other.update(spec.dialect("legacy_g120_formats"))
@@ -251,7 +250,7 @@ def codecs(legacy_g120: bool, profile_v3: bool) -> tuple[tuple[int | None, Codec
 
 @cache
 def _alternatives(legacy_g120: bool, profile_v3: bool) -> Mapping[int, tuple[int, Codec]]:
-    """Format bytes that are found with another size too -> meaning and codec of that size (A.6)."""
+    """Format bytes that also occur with another size -> meaning and codec of that size (A.6)."""
     table: dict[int, tuple[int, Codec]] = {}
     for code, (meaning, _) in enumerate(codecs(legacy_g120, profile_v3)):
         row = spec.formats().get(code if meaning is None else meaning)
@@ -268,7 +267,7 @@ def _alternatives(legacy_g120: bool, profile_v3: bool) -> Mapping[int, tuple[int
 def sound_codecs(
     legacy_g120: bool, profile_v3: bool
 ) -> tuple[tuple[int | None, Codec] | None, ...]:
-    """For each format byte its meaning and codec, None where it is unknown, ambiguous or the error."""
+    """For each format byte its meaning and codec; None if it is unknown, ambiguous or the error."""
     unsure = _alternatives(legacy_g120, profile_v3)
     return tuple(
         None if found is None or code in unsure or code == ERROR else (meaning, found)
@@ -277,9 +276,9 @@ def sound_codecs(
 
 
 def _sound_blocks(data: bytes, count: int, options: Options, vendor: bool) -> list[Block] | None:
-    """The blocks of a response as nearly all are: of well-known formats, whole, padded, nothing behind, or none.
+    """The blocks of a usual response: known formats, whole, padded, nothing after them.
 
-    None for every other response: `_Body` takes those, and would give the same for these.
+    None for every other response: `_Body` takes those, and would give the same result for these.
     """
     table = sound_codecs(options.legacy_g120_formats, options.profile_v3_types)
     blocks: list[Block] = []
@@ -314,14 +313,14 @@ def _sound_blocks(data: bytes, count: int, options: Options, vendor: bool) -> li
 
 
 def _is_single_access(blocks: list[Block]) -> bool:
-    """Whether the only block is that of a drive that takes one parameter a request (A.2): it sends no other."""
+    """Whether the only block is the error of a drive that takes one parameter per request (A.2)."""
     return len(blocks) == 1 and blocks[0].error is not None and blocks[0].error.code == _SINGLE
 
 
 def _error_block(raw: bytes, count: int, start: int, vendor: bool) -> Block:
-    """The error number is the whole word: 0x0811 of one maker is not the profile's 0x11.
+    """An error block. The error number is the whole word: a maker's 0x0811 is not the profile's 0x11.
 
-    In a vendor message a word up to 0xFF would be taken for a number of the profile: it has none.
+    A vendor message has no error number up to 0xFF: it would look like one of the profile.
     """
     words = [word for (word,) in struct.iter_unpack(">H", raw[: len(raw) & ~1])]
     code = words[0] if words and not (vendor and words[0] <= 0xFF) else None
@@ -404,7 +403,7 @@ class _Body:
         return not any(self._data[self.offset :])
 
     def _block(self) -> bool:
-        """Decodes one block; False where decoding cannot go on behind it."""
+        """Decodes one block; False if decoding cannot go on after it."""
         data, start = self._data, self.offset
         if start + 2 > len(data):
             _missing(self.flaws, len(data), 1, "block header")
@@ -421,7 +420,7 @@ class _Body:
             self.rest, self.offset = data[start + 2 :], len(data)
             return False
         raw, whole = self._take(start, count * found.size)
-        # A string of which a part is missing is no string: nobody takes it for one that is whole.
+        # An incomplete string is no value: it would look like a whole one.
         there = count if whole else 0 if found.whole else len(raw) // found.size
         exact = raw if whole else raw[: there * found.size]
         values = found.decode(exact, there)
@@ -438,7 +437,7 @@ class _Body:
         return whole
 
     def _take(self, start: int, size: int) -> tuple[bytes, bool]:
-        """The value bytes of a block, and whether all are there."""
+        """The value bytes of a block, and whether none is missing."""
         raw = self._data[start + 2 : start + 2 + size]
         self.offset = start + 2 + len(raw)
         if len(raw) == size:
@@ -484,7 +483,7 @@ class _Body:
         usual: tuple[int | None, Codec | None],
         other: tuple[int, Codec],
     ) -> tuple[int | None, Codec | None]:
-        """Of two sizes the one with which the message comes out even (A.6), once per message."""
+        """Chooses the one of two sizes that fits the length of the message (A.6), once per message."""
         fits = [self._fits_with(code, start, choice) for choice in (usual, other)]
         exact = next((place for place, fit in enumerate(fits) if fit == 2), None)
         found: tuple[int | None, Codec | None] = other if exact == 1 else usual
@@ -522,7 +521,7 @@ class _Body:
 
 
 def encode_request(request: Request) -> bytes:
-    """The bytes of a request; those it was decoded from, if it was."""
+    """The bytes of a request; if it was decoded, the same bytes."""
     addresses = b"".join(
         _ADDRESS.pack(a.attribute, a.element_count, a.pnu, a.subindex) for a in request.addresses
     )
@@ -536,7 +535,7 @@ def encode_request(request: Request) -> bytes:
 
 
 def encode_response(response: Response) -> bytes:
-    """The bytes of a response; those it was decoded from, if it was."""
+    """The bytes of a response; if it was decoded, the same bytes."""
     head = (
         response.request_reference,
         response.response_id,

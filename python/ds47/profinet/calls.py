@@ -1,7 +1,7 @@
 """RPC calls: which response belongs to which request (docs/pairing.md, RPC level).
 
-Leaves out copies, joins fragments, tells retransmissions and reused numbers apart. Gives each call exactly once.
-What a call carries is the business of `records`, what it means for the parameter channel that of `acyclic`.
+Drops copies, joins fragments, tells retransmissions and reused numbers apart. Gives each call exactly once.
+`records` parses what a call carries. `acyclic` knows what it means for the parameter channel.
 """
 
 from __future__ import annotations
@@ -20,35 +20,36 @@ from ds47.spec.semantics import Limits
 
 @dataclass(slots=True, eq=False, init=False, repr=False)
 class RpcCall:
-    """One RPC call; `context` is what it carries, for the layer above."""
+    """One RPC call."""
 
     request: Pdu | None
-    """None behind its response, but for a Connect: many calls are remembered."""
+    """None after its response, except for a Connect: many calls are remembered."""
     frame: int
-    """That of the request,"""
+    """The frame of the request."""
     opnum: int
-    """its operation,"""
+    """Its operation."""
     port: int
-    """the UDP port of its client,"""
+    """The UDP port of its client."""
     asked: int
-    """and a hash of what it says: its repetitions have the same."""
+    """A hash of its body: repetitions have the same."""
     answer: int
-    """The frame of the response or the fault; 0 as long as there is none,"""
+    """The frame of the response or the fault; 0 for none so far."""
     answer_ns: int
-    """and its time."""
+    """The time of that frame."""
     said: int
-    """A hash of what that says."""
+    """A hash of its body."""
     in_part: bool
     """Whether fragments of a response were seen."""
     sent_ns: int
-    """When the request was sent last,"""
+    """When the request was last sent."""
     heard_ns: int
-    """and when it was sent or answered last."""
+    """When it was last sent or answered."""
     again: int
-    """The last frame in which the request came again, other than by a mirror port; 0 for none."""
+    """The last frame in which the request came again, except by a mirror port; 0 for none."""
     limit: str
-    """The limit (spec/limits.toml) for which it was given up without a response; "" for none."""
+    """The limit (spec/limits.toml) that gave it up without a response; "" for none."""
     context: Sequence[Any]
+    """The records that it carries; the layer above sets them."""
 
     def __init__(self, request: Pdu) -> None:
         self.request, self.frame, self.opnum = request, request.frame, request.opnum
@@ -63,19 +64,19 @@ class RpcCall:
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Activity(Plain):
-    """The open calls of one RPC activity by their sequence number; the oldest request first."""
+    """The open calls of one RPC activity."""
 
     calls: dict[int, RpcCall]
-    """Those without a response."""
+    """Calls without a response, by sequence number; the oldest request first."""
     oldest_ns: int
-    """None of them was sent before that."""
+    """None of them was sent before that time."""
     server: str
-    """Which of its servers was called last."""
+    """The server that it called last."""
     numbers: Numbers
     anew: int
-    """The frame in which a number was there for another call: since then its client counts anew. 0 for none."""
+    """The frame that used a number for another call: the client counts anew from there. 0 for none."""
     doubled: int
-    """The frame of a response that came again, though no request did: one is missing. 0 for none."""
+    """The frame of a response that came again, although its request did not: one is missing. 0 for none."""
 
     def __init__(self, pdu: Pdu) -> None:
         self.anew = self.doubled = 0
@@ -90,18 +91,18 @@ What = Literal[
     "incomplete",
 ]  # fmt: skip
 Became = tuple[What, Any, Any]
-"""What became of a call (`RpcCall` or None), and the message by which it did (`Pdu` or None):
+"""What happened to a call (`RpcCall` or None), and the message that shows it (`Pdu` or None):
 
-    asked             a request that was not there before
+    asked             a new request
     answered, failed  its response; its fault or reject
-    again             its request once more
-    late              its response stood before its request, which comes now: the message is the response
+    again             its request was repeated
+    late              its request came after its response: the message is the response
     twice             a second response with other bytes: it belongs to no other call
-    unasked           a response whose request is not in the capture,
-    unasked_in_part   or of which fragments are, perhaps
-    lost              nobody waits for its response any more
-    pushed_out        the same for a limit: it may still come
-    incomplete        a message that nobody waits for any more (`GivenUp`), and the open call that it answers
+    unasked           a response without its request in the capture
+    unasked_in_part   the same, but the capture may have fragments of the request
+    lost              its response did not come in time
+    pushed_out        a limit gave it up: its response may still come
+    incomplete        a message without all its fragments (`GivenUp`), and the open call that it answers
 """
 
 
@@ -113,8 +114,8 @@ _Key = tuple[str, bytes, int]
 class CallTracker:
     """Takes PDUs in the order of the capture.
 
-    Memory is bounded by `Limits`; a call without response is lost when it expires or at `finish`, and pushed
-    out when there are too many. What is missing is told to `completeness`.
+    Memory is bounded by `Limits`. A call without a response is lost when it expires or at `finish`, and pushed
+    out when there are too many. `completeness` hears what is missing.
     """
 
     def __init__(self, limits: Limits, completeness: Completeness | None = None) -> None:
@@ -124,43 +125,43 @@ class CallTracker:
         self._early: OrderedDict[_Key, Pdu] = OrderedDict()
         """The newest responses without a request."""
         self._answered: OrderedDict[_Key, RpcCall] = OrderedDict()
-        """Calls with a response that may still be repeated; the one that was heard of last comes last."""
+        """Answered calls that may still be repeated; the one with the newest message is last."""
         self._due_ns = 0
-        """Up to then none of them is too old."""
+        """None of them is too old before that time."""
         self._forgot = False
-        """Whether there were too many of them."""
+        """Whether some were forgotten because there were too many."""
         self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
-        """Of client and server the frame of the newest Connect."""
+        """Client and server -> the frame of the newest Connect."""
         self._activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
-        """By client and activity UUID; the one that spoke last comes last."""
+        """By client and activity UUID; the one with the newest request is last."""
         self._fragments = Fragments(
             limits.fragment_expiry_ns, limits.rpc_messages, limits.rpc_fragments,
             limits.fragment_bytes,
         )  # fmt: skip
         self._most_datagrams = limits.datagrams
         self._recent: dict[int, int] = {}
-        """The newest ones, and when they came; when they are enough, all that came before them is forgotten."""
+        """The newest datagrams: `Pdu.mark` -> time. When there are enough, they become the earlier ones."""
         self._earlier: dict[int, int] = {}
-        """Those before them."""
+        """The datagrams before them."""
         self._given_up: OrderedDict[_Key, None] = OrderedDict()
-        """The newest requests whose responses did not come in time."""
+        """The newest requests without a response in time."""
         self._begun: OrderedDict[_Key, None] = OrderedDict()
-        """Requests of which fragments were seen."""
+        """Incomplete requests: only fragments were seen."""
         self.counts = dict.fromkeys(
             ("requests", "responses", "faults", "rejects", "pings", "working", "others",
              "copies", "retransmissions", "unanswered"), 0,
         )  # fmt: skip
 
     def take(self, pdu: Pdu) -> Sequence[Became]:
-        """What becomes of calls by the next PDU, in the order in which it does.
+        """Takes the next PDU. Returns what happened to calls, in order.
 
-        Nothing becomes of a copy: the same datagram with the same IP id came twice, or the file holds it twice.
-        An IP id of 0 is none. Then it is a copy only within the copy window.
+        Nothing happens for a copy: the same datagram with the same IP id came twice, or is in the file twice.
+        An IP id of 0 says nothing. Then it is a copy only within the copy window.
         """
         told: list[Became] = []
         if pdu.opnum == NO_OPERATION:
             if pdu.ptype == 0:
-                # of a call that is none of PROFINET its number counts
+                # calls of the endpoint mapper share the sequence numbers
                 self._activity(pdu, told).numbers.add(pdu)
                 self._activities.move_to_end((pdu.client, pdu.activity))
             return told
@@ -191,7 +192,7 @@ class CallTracker:
         return told
 
     def _came_again(self, pdu: Pdu) -> None:
-        """The wire doubled a message; without a memory of its responses a device executes a request once more."""
+        """The wire doubled a message. A device that does not remember its responses executes a request again."""
         if pdu.ptype != 0:
             self._completeness.doubled(pdu)
             return
@@ -203,7 +204,7 @@ class CallTracker:
             call.again = pdu.frame
 
     def _joined(self, pdu: Pdu, told: list[Became]) -> Pdu | None:
-        """The message that an RPC fragment completes."""
+        """The message that an RPC fragment completes; None if it completes none."""
         fragments = self._fragments
         whole = fragments.feed(pdu)
         if fragments.given_up:
@@ -214,7 +215,7 @@ class CallTracker:
         return whole
 
     def begun(self, pdu: Pdu) -> None:
-        """Takes a fragment that completes no message: its call is not without request or response."""
+        """Takes a fragment that completes no message: its request or response is not entirely missing."""
         if pdu.ptype == 0:
             begun = self._begun
             begun[pdu.client, pdu.activity, pdu.seq] = None
@@ -224,12 +225,12 @@ class CallTracker:
             call.in_part = True
 
     def open_call(self, pdu: Pdu) -> RpcCall | None:
-        """The call without a response to which a part of one belongs; None for none."""
+        """The open call that a part of a response belongs to; None if there is none."""
         activity = self._activities.get((pdu.client, pdu.activity)) if pdu.ptype == 2 else None
         return activity.calls.get(pdu.seq) if activity is not None else None
 
     def finish(self) -> list[Became]:
-        """The capture is over: nobody waits for fragments any more, and every open call is lost."""
+        """The capture is over: gives up incomplete messages, and every open call is lost."""
         told: list[Became] = [
             ("incomplete", self.open_call(pdu), GivenUp(pdu, have, ""))
             for pdu, have in self._fragments.unfinished()
@@ -282,14 +283,14 @@ class CallTracker:
     def _behind(
         self, early: Pdu, activity: Activity, call: RpcCall, pdu: Pdu, told: list[Became]
     ) -> None:
-        """A request stands behind a response with its number: the two may be one call."""
+        """A request comes after a response with its number: both may be one call."""
         if 0 <= early.time_ns - pdu.time_ns <= self._expiry_ns:
             if early.ptype == 2:
                 told.append(("late", call, early))
             else:
                 told += (("asked", call, pdu), ("failed", call, early))
             self._answer(activity, call, early)
-            call.request = pdu  # it is not read before
+            call.request = pdu  # it was not read before
             self._completeness.asked_after_all(early)
         elif self._was_read(pdu, early):
             self._answer(activity, call, early)
@@ -299,7 +300,7 @@ class CallTracker:
             told.append(("asked", call, pdu))
 
     def _was_read(self, pdu: Pdu, early: Pdu) -> bool:
-        """Whether a Read comes again whose first request is missing: its response was there before."""
+        """Whether a Read is repeated, its first request is missing, and its response was captured before."""
         reads = pdu.opnum in (RPC_READ, RPC_READ_IMPLICIT) and early.opnum == pdu.opnum
         reads = reads and not self._is_begun_since(pdu, early.frame)
         return reads and 0 < pdu.time_ns - early.time_ns <= self._expiry_ns
@@ -317,13 +318,13 @@ class CallTracker:
             self._due_ns = 0
 
     def _activity(self, pdu: Pdu, told: list[Became]) -> Activity:
-        """That of a call; it may have begun, or called another server before."""
+        """The activity of a PDU; a new one begins here, and so does a change of its server."""
         key = (pdu.client, pdu.activity)
         activity = self._activities.get(key)
         if activity is None:
             activity = self._activities[key] = Activity(pdu)
             self._make_room(told)
-        if activity.server is not pdu.server:  # the same text may stand there twice: no harm
+        if activity.server is not pdu.server:  # equal texts may be two objects: no harm
             activity.server = pdu.server
             self._completeness.began(pdu, activity.numbers)
         return activity
@@ -336,15 +337,15 @@ class CallTracker:
             self._connects.popitem(last=False)
 
     def _is_over(self, activity: Activity | None, call: RpcCall, pdu: Pdu) -> bool:
-        """Whether the number of a call may stand for another one: its client repeats it no more."""
+        """Whether the number of a call may now belong to another one: its client no longer repeats it."""
         return self._is_begun_since(pdu, call.frame) or self._is_used_anew(activity, call, pdu)
 
     def _is_begun_since(self, pdu: Pdu, frame: int) -> bool:
-        """Whether a Connect of its client to its server lies behind a frame."""
+        """Whether there is a Connect of its client to its server after a frame."""
         return self._connects.get((pdu.client, pdu.server), 0) > frame
 
     def _is_used_anew(self, activity: Activity | None, call: RpcCall, pdu: Pdu) -> bool:
-        """Whether the number of a call may stand for another one, also where the same bytes come once more."""
+        """Whether the number of a call may now belong to another one, even with the same bytes."""
         anew = activity is not None and activity.anew > call.frame
         return anew or pdu.time_ns - call.heard_ns > self._expiry_ns
 
@@ -363,18 +364,18 @@ class CallTracker:
             told.append(("unasked" if self._unasked(pdu) else "unasked_in_part", None, pdu))
 
     def _answers_again(self, activity: Activity | None, pdu: Pdu, told: list[Became]) -> bool:
-        """Whether a response or fault is a second one of a call; tells of it where it is another one."""
+        """Whether a response or fault is a second one of a call. Adds "twice" if its bytes differ."""
         key = pdu.client, pdu.activity, pdu.seq
         call = self._answered.get(key)
         early = self._early.get(key) if call is None and activity is not None else None
-        if early is not None:  # of the same call, whose request is missing
+        if early is not None:  # of the same call, but its request is missing
             return pdu.time_ns - early.time_ns <= self._expiry_ns
-        if call is None:  # of what is forgotten the number alone is known
+        if call is None:  # of a forgotten call only the number is known
             known = self._forgot and key not in self._given_up
             return known and activity is not None and activity.numbers.has(pdu.seq)
         if self._is_used_anew(activity, call, pdu):
             return False
-        if call.said == hash(pdu.body):  # late, also behind a Connect
+        if call.said == hash(pdu.body):  # late, even after a Connect
             self._completeness.doubled(pdu)
             if activity is not None and not call.again:
                 activity.doubled = pdu.frame
@@ -411,18 +412,18 @@ class CallTracker:
             answered.popitem(last=False)
             oldest = next(
                 iter(answered.values())
-            )  # not so by its time, once the clock was set back
+            )  # not the oldest by time, if the clock was set back
             self._forgot, self._due_ns = True, min(self._due_ns, oldest.heard_ns + self._expiry_ns)
 
     def _forget(self, since_ns: int) -> None:
-        """Of the answered calls those of which nothing was heard since."""
+        """Forgets the answered calls without a message since then."""
         answered = self._answered
         while (oldest := next(iter(answered.values()))).heard_ns < since_ns:
             answered.popitem(last=False)
         self._due_ns = oldest.heard_ns + self._expiry_ns
 
     def _unasked(self, pdu: Pdu) -> bool:
-        """Hears of a response or fault without its request; whether that certainly is not in the capture."""
+        """Notes a response or fault without its request. Returns whether no part of the request was captured."""
         key = pdu.client, pdu.activity, pdu.seq
         begun = key in self._begun
         if key not in self._given_up:
@@ -463,7 +464,7 @@ class CallTracker:
                 _push_out(call, "calls", told)
 
     def _put(self, memory: OrderedDict[_Key, _T], key: _Key, value: _T) -> None:
-        """Remembers something of the newest calls."""
+        """Remembers something about a call; beyond the limit the oldest is forgotten."""
         memory[key] = value
         if len(memory) > self._limits.calls:
             memory.popitem(last=False)

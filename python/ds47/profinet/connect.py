@@ -37,11 +37,11 @@ _BOTH = 3
 
 
 class Data(NamedTuple):
-    """Where the data of a submodule lies in cyclic frames, in one direction.
+    """The place of a submodule's data in cyclic frames, in one direction.
 
-    `offset` counts from the byte behind the frame id; IOPS stands behind the data, `iops` bytes of it.
-    `cycle_ns` is the time between two frames, `reference` that of the communication relation. Behind
-    `frame_length` bytes of data of all submodules stands the status of the frame.
+    `offset` counts from the first byte after the frame id; `iops` bytes of IOPS follow the data. `cycle_ns` is
+    the time between two frames, `reference` that of the communication relation. The status of the frame follows
+    the `frame_length` bytes of data of all submodules.
     """
 
     reference: int
@@ -54,7 +54,7 @@ class Data(NamedTuple):
 
 
 class Submodule(NamedTuple):
-    """A submodule that a Connect expects, with its data in either direction; None where it has none."""
+    """A submodule that a Connect expects, with its data in either direction; None if it has none."""
 
     api: int
     slot: int
@@ -72,7 +72,7 @@ class Connect(NamedTuple):
     submodules: tuple[Submodule, ...]
 
     def answered(self, frame_ids: Mapping[int, int]) -> Connect:
-        """The same with the frame ids that the device gave, by the reference of their relation."""
+        """The same with the frame ids that the device chose, by the reference of their relation."""
         submodules = (
             each._replace(input=_with(each.input, frame_ids), output=_with(each.output, frame_ids))
             for each in self.submodules
@@ -80,7 +80,7 @@ class Connect(NamedTuple):
         return self._replace(submodules=tuple(submodules))
 
     def frame_lengths(self) -> dict[int, int]:
-        """Of each frame id the bytes of data of all submodules."""
+        """Frame id -> bytes of data of all submodules."""
         both = (data for each in self.submodules for data in (each.input, each.output))
         return {data.frame_id: data.frame_length for data in both if data is not None}
 
@@ -92,7 +92,7 @@ def _with(data: Data | None, frame_ids: Mapping[int, int]) -> Data | None:
 
 
 class _Relation(NamedTuple):
-    """One IOCRBlockReq: where which submodule lies in its frames."""
+    """One IOCRBlockReq: the place of each submodule in its frames."""
 
     kind: int
     reference: int
@@ -103,7 +103,7 @@ class _Relation(NamedTuple):
 
 
 def parse_request(pdu: Pdu) -> Connect | None:
-    """What a Connect request asks for; None where it has no AR, or a block that is cut off or does not parse."""
+    """What a Connect request asks for; None if it has no AR, or a block that is cut off or does not parse."""
     ar, mac = b"", ""
     relations: list[_Relation] = []
     expected: dict[SubmoduleKey, Described] = {}
@@ -139,7 +139,7 @@ def parse_response(pdu: Pdu) -> tuple[bytes, str, dict[int, int]] | None:
 
 
 def _blocks(body: bytes) -> Iterator[tuple[int, bytes]]:
-    """Type and content of each block behind its version.
+    """Type of each block, and its content after the version.
 
     Raises:
         ValueError: a block ends before it should.
@@ -155,7 +155,7 @@ def _blocks(body: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _relation(block: bytes) -> _Relation:
-    """An IOCRBlockReq behind its version."""
+    """An IOCRBlockReq after its version."""
     kind, reference, _, _, length, frame_id, clock, reduction, *_, apis = _IOCR.unpack_from(block)
     offsets: dict[SubmoduleKey, int] = {}
     at = _IOCR.size
@@ -176,7 +176,7 @@ def _relation(block: bytes) -> _Relation:
 def _expected(
     block: bytes,
 ) -> Iterator[tuple[SubmoduleKey, Described]]:
-    """Of each submodule of an ExpectedSubmoduleBlockReq what is described of it."""
+    """Each submodule in an ExpectedSubmoduleBlockReq, and its description."""
     (apis,) = struct.unpack_from(">H", block)
     at = 2
     for _ in range(apis):

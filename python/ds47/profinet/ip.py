@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 TCP, UDP = 6, 17
 
 Cut = tuple[int, int, int]
-"""Of a frame that the capture cut: number, captured bytes, bytes on the wire."""
+"""A frame that the capture cut: number, captured bytes, bytes on the wire."""
 
 _HEADER = struct.Struct(">BxHHHxBxx4s4s")
 
@@ -111,9 +111,9 @@ class Unfinished(Plain):
     limit: str = ""
     """Name of the limit that pushed it out (spec/limits.toml); "" for none."""
     held: int = 0
-    """How many fragments count towards the limit,"""
+    """How many fragments count towards the limit."""
     size: int = 0
-    """and how many captured bytes."""
+    """How many captured bytes count towards the limit."""
     trace: Trace | None = None
 
     @property
@@ -207,7 +207,7 @@ class Reassembler:
         return Datagram(*key[:2], UDP, key[2], 0, False, head, missing, entry.cut)
 
     def unfinished(self) -> list[Unfinished]:
-        """What is still waited for, oldest first."""
+        """The incomplete datagrams, oldest first."""
         return list(self._open.values())
 
     def finish(self) -> None:
@@ -226,7 +226,7 @@ class Reassembler:
         return done if done.pieces.get(part.offset) == (part.payload, part.length) else None
 
     def _entry(self, key: _Key) -> Unfinished:
-        """The datagram to which a fragment of now belongs."""
+        """The open datagram that a fragment belongs to; a new one if there is none."""
         self._expire()
         entry = self._open.get(key)
         if entry is None:
@@ -293,7 +293,7 @@ class Reassembler:
             self._give_up(next(iter(self._open)), limit)
 
     def _over(self) -> str:
-        """The limit that is passed, "" for none."""
+        """The limit that is exceeded, "" for none."""
         if len(self._open) > self._most_datagrams:
             return "ip_datagrams"
         if self._fragments > self._most_fragments:

@@ -40,7 +40,7 @@ _BLOCK: Final = struct.Struct(RECORD_STRUCT)
 """Type, length, version, sequence, AR, API, slot, subslot, padding, index, record data length."""
 _FIRST_END: Final = NDR_SIZE + _BLOCK.size
 _INDEX: Final = 9
-"""Where among them the index is."""
+"""The position of the index among them."""
 _STATUS: Final = {True: struct.Struct("<I"), False: struct.Struct(">I")}
 _REQUEST_BLOCKS: Final = {
     RPC_READ: BLOCK_READ_REQUEST,
@@ -50,27 +50,27 @@ _REQUEST_BLOCKS: Final = {
 _READS: Final = (RPC_READ, RPC_READ_IMPLICIT)
 _ONLY_ARS: Final = (0x0001, 0x0010)
 _IS_RESPONSE: Final = 0x8000
-"""What the type of a block of a response has beyond that of its request."""
+"""The bit that the block type of a response adds to that of its request."""
 _RELEASE_BLOCKS: Final = (BLOCK_RELEASE_REQUEST, BLOCK_RELEASE_OF_RSI)
 _AR_END: Final = NDR_SIZE + BLOCK_AR + 16
-"""Where the AR of a Connect or Release ends, which stands in its first block."""
+"""Where the AR ends in the first block of a Connect or Release."""
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Half(Plain):
-    """The request or the response of a record call: where it stands, what it carries."""
+    """The request or the response of a record call: its frame, and what it carries."""
 
     frame: int
     time_ns: int
     data: bytes
     stated: int
-    """RecordDataLength: bytes that follow; in a Read request the most that is wanted."""
+    """RecordDataLength: the bytes that follow; in a Read request the most bytes wanted."""
     missing: int
-    """Bytes of the record that are not there: cut off by the capture, or never sent."""
+    """Missing bytes of the record: cut off by the capture, or never sent."""
     cut: bool
-    """Whether the capture cut off a part of it: those bytes, or what stands before them."""
+    """Whether the capture cut off a part of the message: these bytes, or something before them."""
     status: int | None
-    """PNIOStatus, ErrorCode first; None where the PDU carries none."""
+    """PNIOStatus, ErrorCode first; None if the PDU carries none."""
 
     def __init__(
         self,
@@ -93,12 +93,12 @@ class Half(Plain):
 
     @property
     def untold(self) -> bool:
-        """Whether it is a response that the capture cut off before it says what became of the call."""
+        """Whether the capture cut this response off before it shows the outcome of the call."""
         return self.cut and not (self.status or self.missing)
 
 
 class Peer(NamedTuple):
-    """Who talks to whom, and what is known of the device."""
+    """Who talks to whom, and what is known about the device."""
 
     controller: str
     device: str
@@ -107,11 +107,11 @@ class Peer(NamedTuple):
     station: int | None = None
     """The address of the device on PROFIBUS; None on PROFINET."""
     family: str | None = None
-    """Of its parameters, where PROFIBUS says it (`ds47.profibus.idents`)."""
+    """The family of its parameters, if PROFIBUS says it (`ds47.profibus.idents`)."""
 
     @property
     def drives(self) -> str:
-        """Whose parameters it has, as far as is known."""
+        """The family of its parameters: "profile" if nothing better is known."""
         return family_of(self.vendor_id, self.family)
 
 
@@ -124,21 +124,21 @@ ChannelKey = tuple[str, str, bytes, int, int, int, int]
 NOBODY: Final = Peer("", "")
 _NONE: Final[frozenset[int]] = frozenset()
 Answer = tuple[Half, int, tuple[Any, ...]]
-"""What a response block answers, its place in an IODWriteMultiple (0 outside), the fields of its header."""
+"""The half from a response block, its place in an IODWriteMultiple (0 outside), the fields of its header."""
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Record(Plain):
-    """One record call: where it goes, its request and its response.
+    """One record call: its address, its request and its response.
 
-    From `proven` on it has what the steps behind this one find out.
+    Later steps set `proven` and `job`.
     """
 
     write: bool
     implicit: bool
     ar: bytes
     api: int
-    """`NO_API` where there is neither API nor subslot: on PROFIBUS."""
+    """`NO_API` on PROFIBUS, which has neither API nor subslot."""
     slot: int
     subslot: int
     index: int
@@ -147,15 +147,15 @@ class Record(Plain):
     request: Half | None
     response: Half | None
     peer: Peer
-    """Who asks whom."""
+    """Who calls whom."""
     relation: Relation
     channel: ChannelKey
     ours: bool
-    """Whether its index may carry the parameter channel,"""
+    """Whether its index can carry the parameter channel."""
     proven: bool
-    """and whether its AR had proved itself when it was asked for."""
+    """Whether its AR had proved itself when the request came."""
     job: Any
-    """Of a Write its own transaction, of a Read the one whose response it is to fetch; None: none is known."""
+    """A Write: its own job. A Read: the job that it fetches the response for. None if unknown."""
 
     def __init__(
         self,
@@ -189,7 +189,7 @@ class Record(Plain):
         self.job = None
 
     def of(self, peer: Peer, *, ours: bool = True) -> Record:
-        """The same call of these two, where nobody knew who they are when it came."""
+        """The same call with its peer, if that was unknown when the call came."""
         return Record(
             self.write, self.implicit, self.ar, self.api, self.slot, self.subslot, self.index, self.position,
             self.request, self.response, peer, ours,
@@ -204,16 +204,16 @@ class Record(Plain):
 def parse_request(
     pdu: Pdu, peer: Peer = NOBODY, concerned: Container[int] = _NONE
 ) -> tuple[list[Record], bool]:
-    """The records of a Read, Write or ReadImplicit request. Never raises: what does not parse is absent.
+    """The records of a Read, Write or ReadImplicit request. Never raises: what does not parse is left out.
 
     Args:
         pdu: the request.
-        peer: who asks whom.
-        concerned: the indices of which a record may be ours.
+        peer: who calls whom.
+        concerned: the indices that can carry the parameter channel.
 
     Returns:
-        The records in their order, and whether it is an IODWriteMultiple. One inside another is a record of
-        it that is not opened.
+        The records in their order, and whether it is an IODWriteMultiple. An IODWriteMultiple inside another
+        one stays a single record.
     """
     opnum, data, offset, records, multiple = pdu.opnum, pdu.body, NDR_SIZE, list[Record](), False
     expected = _REQUEST_BLOCKS.get(opnum)
@@ -247,9 +247,9 @@ def parse_request(
 
 
 def without_block(pdu: Pdu, status: int | None, *, write: bool) -> Half:
-    """The response to a call that has no block of its own: the status of the NDR header counts.
+    """The response to a record without a response block: it has the status of the NDR header.
 
-    Where the capture cut the block off, that is so of a negative one alone: a Write may be refused in its block.
+    If the capture cut the block of a Write off, only a negative status counts: the block may hold a refusal.
     """
     cut = pdu.cut is not None
     return Half(
@@ -262,7 +262,7 @@ def parse_response(
 ) -> tuple[int | None, list[Record]]:
     """PNIOStatus of the NDR header (None for an empty body) and the response blocks as records.
 
-    The blocks carry their own address, so that a response without its request can still be placed.
+    The blocks carry their own address, so that even a response without its request has one.
     An IODWriteMultiple gives its inner responses only. Arguments as for `parse_request`.
     """
     status, answers = parse_answers(pdu)
@@ -281,10 +281,7 @@ def parse_response(
 
 
 def parse_answers(pdu: Pdu) -> tuple[int | None, list[Answer]]:
-    """The status of a response, and of each block what is answered, its place, and the fields of its header.
-
-    The request, where it is known, tells where the records are.
-    """
+    """The status of a response, and its blocks. Makes no `Record`: the request has made them."""
     body, opnum = pdu.body, pdu.opnum
     if len(body) < NDR_SIZE:
         told = body[:4]
@@ -308,7 +305,7 @@ def parse_answers(pdu: Pdu) -> tuple[int | None, list[Answer]]:
 
 
 def _written(pdu: Pdu, status: int) -> tuple[int, list[Answer]]:
-    """The response blocks of a Write; the own status of a block counts if that of the NDR header is 0."""
+    """The response blocks of a Write; each has its own status if that of the NDR header is 0."""
     body, answers = pdu.body, list[Answer]()
     for offset in range(NDR_SIZE, len(body) - _BLOCK.size + 1, RECORD_SIZE):
         block = _BLOCK.unpack_from(body, offset)
@@ -329,21 +326,21 @@ def _written(pdu: Pdu, status: int) -> tuple[int, list[Answer]]:
 
 
 def released_ar(pdu: Pdu) -> bytes | None:
-    """The AR that a Release ends, by its request or response; None where its block does not parse."""
+    """The AR that a Release ends, from its request or response; None if its block does not parse."""
     return _first_ar(pdu, _RELEASE_BLOCKS)
 
 
 def is_only_ar(pdu: Pdu) -> bool:
-    """Whether a Connect request with an AR sets up one of which a controller has one with a device.
+    """Whether a Connect request sets up the AR of cyclic data (IOCARSingle, also with IRT).
 
-    That is the AR of cyclic data (IOCARSingle, also with IRT); of supervisors' ARs there may be more beside it.
+    A controller has only one of these with a device. ARs of supervisors may exist beside it.
     """
     kind = pdu.body[NDR_SIZE + BLOCK_SIZE : NDR_SIZE + BLOCK_AR]
     return int.from_bytes(kind, "big") in _ONLY_ARS
 
 
 def connected_ar(pdu: Pdu) -> bytes | None:
-    """The AR that a Connect sets up, by its request or response; None where its first block is no ARBlock."""
+    """The AR that a Connect sets up, from its request or response; None if its first block is no ARBlock."""
     return _first_ar(pdu, (BLOCK_AR_REQUEST,))
 
 

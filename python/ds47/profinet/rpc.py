@@ -1,8 +1,8 @@
 """DCE/RPC connectionless v4: one UDP payload to one PDU, fragments to one message (docs/protocol.md E.2).
 
-Recognised by content (version 4 and a PNIO interface UUID), never by port. Each PDU states its own byte
-order; what leaves this file is normalised, so that a request and its answer compare equal.
-Which response belongs to which request is decided in `calls`.
+A PDU is recognised by content (version 4 and a PNIO interface UUID), never by port. Each PDU states its own
+byte order; this file normalises it, so that a request and its answer compare equal. `calls` decides which
+response belongs to which request.
 """
 
 from __future__ import annotations
@@ -59,16 +59,16 @@ _PNIO_NODE: Final = UUIDS[8:16]
 _MAPPER: Final = (0xE1AF8308, 0x5D1F, 0x11C9, bytes.fromhex("91a408002b14a0fa"))
 """The interface of the endpoint mapper."""
 NO_OPERATION: Final = -1
-"""`Pdu.opnum` of what is said to the endpoint mapper."""
+"""`Pdu.opnum` of PDUs of the endpoint mapper."""
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Pdu(Plain):
     """One DCE/RPC PDU, or one message put together from its fragments.
 
-    `body` is what follows the 80-byte header, `missing` the bytes of it that are not there, and `cut` the
-    frame that the capture cut, if it did; else the header says more than the datagram holds. UUIDs are in
-    network order whatever the PDU used; `little` tells the order of the NDR header.
+    `body` follows the 80-byte header, and lacks `missing` bytes. `cut` is the frame, if the capture cut it;
+    without `cut` the header announces more than the datagram holds. UUIDs are in network order, whatever order
+    the PDU used; `little` is the order of the NDR header.
     """
 
     ptype: int
@@ -148,7 +148,7 @@ class Pdu(Plain):
 
 
 def parse(packet: Packet) -> Pdu | None:
-    """The PDU in a UDP packet; None where it is none of PROFINET or the endpoint mapper, or its header is cut."""
+    """The PDU in a UDP packet; None if it is not PROFINET or endpoint mapper, or its header is cut."""
     data = packet.payload
     if len(data) < RPC_SIZE or data[RPC_VERSION] != RPC_VERSION_4:
         return None
@@ -193,9 +193,9 @@ _BODY_START: Final = _RPC_START + RPC_SIZE
 
 
 def from_frame(frame: Frame) -> Pdu | None:
-    """The PDU of a frame as nearly all of them are: whole, Ethernet without tag, IPv4 without option.
+    """The PDU of a usual frame: whole, Ethernet without a tag, IPv4 without options.
 
-    None for every other frame: `link.dissect` and `parse` take those, and would give the same.
+    None for every other frame: `link.dissect` and `parse` take those, and would give the same result.
     """
     data = frame.data
     if frame.link_type != ETHERNET or len(data) < _BODY_START or not is_plain(data):
@@ -233,7 +233,7 @@ def from_frame(frame: Frame) -> Pdu | None:
 
 _Names = tuple[bytes, bytes, str, str, str]
 _KNOWN: Final[tuple[dict[tuple[bytes, bytes, bytes], _Names], ...]] = {}, {}
-"""What the frames of a capture say again and again, as it is wanted; forgotten when it grows too much."""
+"""What many frames repeat, already converted, by byte order; emptied when it gets too large."""
 _MOST_KNOWN: Final = 4096
 
 
@@ -277,7 +277,7 @@ def device_identity(object_uuid: bytes) -> tuple[int, int] | None:
 
 @dataclass(slots=True, repr=False, eq=False)
 class Partial(Plain):
-    """A fragmented RPC message so far; `traces` are those of each fragment, where frames are kept."""
+    """A fragmented RPC message so far; `traces` are those of each fragment, if frames are kept."""
 
     first: Pdu
     newest_ns: int
@@ -296,7 +296,7 @@ class Partial(Plain):
     def add(self, pdu: Pdu, trace: Trace | None = None) -> list[Trace]:
         """Takes a fragment once, and the traces of its copies. Returns the traces that do not belong here.
 
-        A fragment behind the last one is none of this message.
+        A fragment after the last one belongs to another message.
         """
         none_of_this: list[Trace] = []
         if pdu.last and self.last is None:
@@ -336,12 +336,12 @@ class Partial(Plain):
 
 
 class GivenUp(NamedTuple):
-    """An RPC message that is not waited for any more.
+    """An incomplete RPC message that was given up.
 
     Attributes:
         pdu: its first fragment, or the first that was seen.
         have: number of its fragments.
-        limit: name of the limit that pushed it out (spec/limits.toml); "" where its time was over.
+        limit: name of the limit that pushed it out (spec/limits.toml); "" if its time was over.
     """
 
     pdu: Pdu
@@ -352,14 +352,14 @@ class GivenUp(NamedTuple):
 class Fragments:
     """Puts fragmented RPC messages together; bounded in number and in capture time.
 
-    Whoever feeds takes `given_up` and empties it; what he leaves there stays.
+    The caller empties `given_up`.
 
     Args:
         expiry_ns: how long an incomplete message is kept, nanoseconds of capture time.
         limit: how many incomplete messages are kept.
         fragments: how many fragments of incomplete messages are kept; the oldest message goes first.
         most_bytes: how many bytes of such fragments.
-        traces: keeps the frames of messages, and is told of those that are given up instead.
+        traces: keeps the frames of messages; it gets those of given-up messages, instead of `given_up`.
     """
 
     def __init__(
@@ -381,14 +381,14 @@ class Fragments:
         self._bytes = 0
 
     def feed(self, pdu: Pdu) -> Pdu | None:
-        """The whole message, as soon as there is one. Its frame and time are the completing frame's."""
+        """The whole message, when it is complete. Its frame and time are those of the completing frame."""
         if not pdu.fragmented:
             return pdu
         partial = self.complete(pdu)
         return None if partial is None else partial.joined(pdu)
 
     def complete(self, pdu: Pdu, trace: Trace | None = None) -> Partial | None:
-        """The message that a fragment makes whole; `trace` is that of its datagram, where frames are kept."""
+        """The message that a fragment completes; `trace` is that of its datagram, if frames are kept."""
         key = (pdu.source, pdu.activity, pdu.seq, pdu.ptype)
         partial = self._partial.get(key)
         if partial is not None and self._is_old(partial, pdu.time_ns):
@@ -428,7 +428,7 @@ class Fragments:
             self._give_up(key, "" if old else "rpc_messages")
 
     def _over(self) -> str:
-        """The limit that is passed, "" for none."""
+        """The limit that is exceeded, "" for none."""
         if self._fragments > self._most_fragments:
             return "rpc_fragments"
         return "fragment_bytes" if self._bytes > self._most_bytes else ""
@@ -447,7 +447,7 @@ class Fragments:
         return partial
 
     def unfinished(self) -> list[tuple[Pdu, int]]:
-        """First fragment (or the first seen) and number of fragments of all that are still waited for."""
+        """First fragment (or the first seen) and number of fragments, for each incomplete message."""
         return [_beginning(partial) for partial in self._partial.values()]
 
 
@@ -456,9 +456,9 @@ def _beginning(partial: Partial) -> tuple[Pdu, int]:
 
 
 def join(parts: Sequence[Pdu]) -> Pdu:
-    """The first fragment, with the body of all of them up to the first hole.
+    """The first fragment, with the body of all fragments up to the first hole.
 
-    What stands behind a hole is at no known place in the record: it counts as missing too.
+    Bytes after a hole have no known place in the record: they count as missing too.
     """
     whole = parts[0]
     whole.cut = next((part.cut for part in parts if part.missing and part.cut), None)

@@ -17,7 +17,7 @@ class Stations:
     """Collects what the capture says about who is who.
 
     Args:
-        most: how many stations are kept, the oldest goes first; and how many devices, the first stay.
+        most: how many stations to keep, without the oldest; and how many devices, the first ones.
         vendor_id: the assumed vendor of devices without one in the capture; None: no assumption.
     """
 
@@ -26,10 +26,10 @@ class Stations:
         self._vendor_id = vendor_id
         self._servers: OrderedDict[str, Device] = OrderedDict()
         self.known: set[str] = set()
-        """IP addresses of devices that no response can tell more about."""
+        """IP addresses of devices that are completely known from responses."""
         self._stations: OrderedDict[str, dcp.StationInfo] = OrderedDict()
         self._by_ip: OrderedDict[str, str] = OrderedDict()
-        """MAC address of the station that was the last to say that it has this IP address."""
+        """IP address -> MAC address of the station that claimed it last."""
 
     def station(self, packet: Packet) -> None:
         """Takes a DCP or LLDP packet."""
@@ -46,7 +46,7 @@ class Stations:
             self._keep(self._by_ip, station.ip, station.mac)
 
     def _keep(self, memory: OrderedDict[str, Kept], key: str, value: Kept) -> None:
-        """Keeps a value as the newest one; of more than are kept the oldest goes."""
+        """Keeps a value as the newest one; beyond the limit the oldest is forgotten."""
         memory[key] = value
         memory.move_to_end(key)
         if len(memory) > self._most:
@@ -60,7 +60,7 @@ class Stations:
             self._learn(pdu.destination, None, pdu.object_uuid)
 
     def vendor(self, ip: str) -> int | None:
-        """Vendor id of a device if its record call lacks it: as shown so far, else the assumed one."""
+        """Vendor id of a device if its record call lacks it: as captured so far, else the assumed one."""
         device = self._servers.get(ip)
         if device is not None and device.vendor_id is not None:
             return device.vendor_id
@@ -71,12 +71,12 @@ class Stations:
         return self._vendor_id if shown is None else shown
 
     def kind(self, ip: str) -> str | None:
-        """The type of station that a device says it is by DCP; None where it has not said it."""
+        """The type of station of a device, from DCP; None if unknown."""
         station = self._stations.get(self._by_ip.get(ip, ""))
         return station.kind if station is not None and station.ip == ip else None
 
     def identity(self, ip: str) -> tuple[int, int] | None:
-        """Vendor and device id of a device, by Connect or DCP, as shown up to now; None where nothing tells."""
+        """Vendor and device id of a device, from Connect or DCP so far; None if unknown."""
         for known in (self._servers.get(ip), self._stations.get(self._by_ip.get(ip, ""))):
             if known is None or known.ip != ip or known.vendor_id is None:
                 continue
@@ -85,7 +85,7 @@ class Stations:
         return None
 
     def vendor_of(self, mac: str) -> int | None:
-        """Vendor id of the station with a MAC address: as shown up to now, else what is assumed."""
+        """Vendor id of the station with a MAC address: as captured so far, else the assumed one."""
         station = self._stations.get(mac)
         if station is not None and station.vendor_id is not None:
             return station.vendor_id

@@ -1,4 +1,4 @@
-"""Which frames brought a datagram, and where its bytes stand in them: kept only on request.
+"""The frames that brought a datagram, and the place of its bytes in them: kept only on request.
 
 The reassemblers (ip.py, rpc.py) forget the pieces of a message once it is whole. Given the same `Traces`, both
 keep them, so that the message can be written back into its frames. The frames of copies (mirror ports) are
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 MOST_COPIES: Final = 16
-"""Of one fragment, the first among them; a mirror port makes one or two. More are lost."""
+"""The most copies of one fragment, including the first; a mirror port makes one or two. More are lost."""
 
 
 class DatagramPiece(NamedTuple):
@@ -56,7 +56,7 @@ class Trace:
         return True
 
     def close(self, data: bytes) -> None:
-        """It is whole: there will be no more fragments, but copies of them."""
+        """The datagram is whole: only copies of its fragments may follow."""
         self.data, self.whole = data, True
 
     @property
@@ -92,7 +92,7 @@ class Traces:
         return trace
 
     def take(self) -> Trace | None:
-        """The trace of the newest frame, once; None where that is no IPv4 UDP."""
+        """The trace of the newest frame, once; None if that is no IPv4 UDP."""
         newest, self.newest = self.newest, None
         return newest
 

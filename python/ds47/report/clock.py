@@ -34,7 +34,7 @@ class Clock:
     def __init__(self, where: Zone, first_ns: int | None, last_ns: int | None = None) -> None:
         self._zone = where
         self._second: tuple[int | None, str, str, str] = None, "", "", ""
-        """That of the time asked for last, with its words: the next one is often in it, too."""
+        """A cache: the second of the last time, with its words. The next time is often in the same second."""
         self.first_ns = first_ns
         self.known = first_ns is not None and first_ns >= NO_DATE_BEFORE * SECOND_NS
         last_ns = first_ns if last_ns is None else last_ns

@@ -58,7 +58,7 @@ def value(item: Value, format_name: str | None) -> str:
 def values(
     items: Sequence[Value], format_name: str | None, lang: str = "en", stated: int = 0
 ) -> str:
-    """A list of values, cut if it is long or its record is cut: `1, 2, 3, ... (40 values)`."""
+    """A list of values, shortened if it is long or its record is cut: `1, 2, 3, ... (40 values)`."""
     first = items[:VALUES_SHOWN]
     texts = (
         [value(each, format_name) for each in first] if str in map(type, first) else map(str, first)
@@ -100,7 +100,7 @@ def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
 
 @lru_cache(maxsize=4096)
 def _called(known: tuple[Any, ...], lang: str) -> str:
-    """Its address, and its name in brackets where it has one."""
+    """Its address, and its name in brackets if it has one."""
     item = meanings.of_kind(known)
     called = name(item, lang)
     return f"{address(item)} ({called})" if called else address(item)

@@ -55,28 +55,28 @@ def transaction(item: Transaction, lang: str = "en") -> dict[str, Any]:
 
 
 def transaction_line(item: Transaction, lang: str = "en") -> str:
-    """What `text(transaction(item, lang))` gives, without the dictionaries: there are many transactions."""
+    """The same as `text(transaction(item, lang))`, but faster, without dictionaries."""
     return _writer(contract.TRANSACTION, item.channel)(item, lang)
 
 
-# A writer is made of the keys of a shape: the f-string that one would write by hand, compiled once.
+# A writer is made from the keys of a shape: the f-string that one would write by hand, compiled once.
 
 _Write = Callable[[Any, str], str]
 
 
 @cache
 def _writer(shape: contract.Shape, channel: str = "") -> _Write:
-    """What writes an object, with the keys that its channel has, as text."""
+    """A function that writes an object as text, with the keys of its channel."""
     names: dict[str, Any] = {"none": "[]", "null": "null", "quoted": _quoted}
     code = _code(shape, "item", channel, names)
     return contract.compiled(f"f'''{{{{{code}}}}}'''", names)
 
 
 def _code(shape: contract.Shape, owner: str, channel: str, names: dict[str, Any]) -> str:
-    """The inside of the f-string; `owner` has the attributes, `names` gets what the code calls."""
+    """The inside of the f-string; `owner` has the attributes, `names` gets the functions that the code calls."""
 
     def member(key: contract.Key, attribute: str) -> str:
-        """A comma, the name, and code for the value, which may be a list, an object, rare, or told."""
+        """A comma, the name, and code for the value: a list, an object, a rare key, or any other."""
         head, function = f', "{key.name}": ', f"of_{key.name}"
         if key.rare:
             names[function] = partial(_rare, key.shape)
@@ -104,7 +104,7 @@ def _rare(shape: contract.Shape | None, value: Any, lang: str) -> str:
 
 
 def _listed(shape: contract.Shape | None) -> Callable[[list[Any], str], str]:
-    """What writes a list: of texts, or of objects of this shape."""
+    """A function that writes a list of texts, or of objects of this shape."""
     if shape is None:
         return lambda items, _: text(items)
     if shape is contract.PARAMETER:
@@ -114,7 +114,7 @@ def _listed(shape: contract.Shape | None) -> Callable[[list[Any], str], str]:
 
 
 def _parameters(items: list[Parameter], lang: str) -> str:
-    """What `text` gives of a list of them: there are more of these than of anything else."""
+    """The same as `text` of a list of parameters, but faster: nothing else is so frequent."""
     texts = []
     for item in items:
         head, may_mean = _parameter_head(about(item), item.value_count, lang)
@@ -135,12 +135,12 @@ def _parameters(items: list[Parameter], lang: str) -> str:
 
 
 _PLAIN: Final = ("value", None)
-"""Attributes of most parameters: they describe nothing, and have rare keys only where they are described."""
+"""Attributes of most parameters. Such a parameter has rare keys only if a description names it."""
 
 
 @lru_cache(maxsize=4096)
 def _parameter_head(known: tuple[Any, ...], value_count: int | None, lang: str) -> tuple[str, bool]:
-    """A parameter up to its values, empty where it has rare keys; whether the tables may say what these mean."""
+    """A parameter up to its values, "" if it has rare keys; and whether the tables may say what these mean."""
     item = meanings.of_kind(known, value_count=value_count)
     if item.attribute not in _PLAIN or item.described is not None:
         return "", False
@@ -151,13 +151,13 @@ def _parameter_head(known: tuple[Any, ...], value_count: int | None, lang: str) 
 
 
 def list_text(values: list[Value]) -> str:
-    """A list of finite numbers is the same text in Python and in JSON."""
+    """A list of values as JSON; finite numbers have the same text in Python."""
     shown = repr(values)
     return text(values) if _is_odd(shown) else shown
 
 
 _is_odd: Final = re.compile("['\"n]").search
-"""Whether a text of a list has a string, nan or inf."""
+"""Whether the text of a list has a string, nan or inf."""
 
 
 def finding(item: Finding, lang: str = "en") -> dict[str, Any]:
@@ -171,7 +171,7 @@ def diagnosis(item: Diagnosis, lang: str = "en") -> dict[str, Any]:
 
 
 def capture_head(result: CaptureResult) -> dict[str, Any]:
-    """What the contract says about a capture itself, before its lists."""
+    """The keys of a capture itself, before its lists."""
     return _without_empty(contract.CAPTURE_HEAD.plain(result))
 
 
@@ -181,7 +181,7 @@ def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
 
 
 def _without_empty(plain: dict[str, Any]) -> dict[str, Any]:
-    """Only a series has files, few captures have relations and timelines, and PROFINET has no bus."""
+    """Leaves out empty keys that only some captures have: files, relations, timelines, bus."""
     for key in contract.HEAD:
         if not (key.required or key.take or plain[key.name]):  # times stay, known or not
             del plain[key.name]

@@ -34,9 +34,9 @@ _SEVERAL: Final = (", several parameters", "，多个参数")
 """What follows the number if the part is only about requests with several parameters."""
 _FRAMES: Final = ("frame", "frames")
 _MANY: Final = "_many"
-"""What stands behind a key of diagnoses.toml for the words of several cases,"""
+"""The ending of a key of diagnoses.toml for the words about several cases."""
 _BRIEF: Final = "_brief"
-"""and for those of a headline."""
+"""The ending of a key for the words of a headline."""
 
 
 def sentence(item: Finding | Diagnosis, lang: str = "en") -> str:
@@ -72,7 +72,7 @@ def _in_common(item: Diagnosis, lang: str) -> str:
 
 
 def _titled(row: Rule, args: Mapping[str, Any], lang: str) -> str:
-    """The title of a rule, and of which device it is said."""
+    """The title of a rule, with its device."""
     title, device = row.title_zh if lang == "zh" else row.title, args.get("device")
     if device is None:
         return title

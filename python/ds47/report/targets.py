@@ -22,9 +22,9 @@ ANSWERED = ("ok", "partial", "error")
 _Way = tuple[str, int | None, int | None, int | None, int | None, int | None]
 _WAYS: Final = 4096
 _SELECTION: Final = 922
-"""The parameter that says the telegram of a drive object; 999 is free configuration."""
+"""The parameter with the telegram of a drive object; 999 is free configuration."""
 _LOCAL: Final = (LOCAL, None)
-"""Record indices of requests of which the submodule decides; PKW has none."""
+"""Record indices of requests that reach the drive object of their submodule; PKW has none."""
 
 
 class Targets:
@@ -96,7 +96,7 @@ def slot(item: Transaction) -> str:
 class Telegrams:
     """The PROFIdrive telegrams of one capture.
 
-    The drive itself says them in p0922. Where nobody asks for that, the lengths of cyclic data may leave only one.
+    The drive says them in p0922. If nobody reads that, the lengths of cyclic data may leave only one.
     """
 
     def __init__(self, result: CaptureResult, targets: Targets | None = None) -> None:
@@ -115,7 +115,7 @@ class Telegrams:
         self._slots = {(item.device, item.slot) for item, _ in told}
 
     def of(self, item: Transaction) -> int | None:
-        """That of the drive object that a transaction reaches; None where nothing tells it."""
+        """The telegram of the drive object that a transaction reaches; None if unknown."""
         if self._said:
             said = self._said.get(self._targets.identity(item, _SELECTION))
             if said is not None:
@@ -123,7 +123,7 @@ class Telegrams:
         return self._lengths.get((item.device, item.slot))
 
     def words(self, ip: str) -> Both | None:
-        """`telegram 102` of a device, as it says, `lengths fit telegram 1`; None where nothing tells it."""
+        """`telegram 102` (the device says so), `lengths fit telegram 1`; None if unknown."""
         said = {number for device, number in self._said.values() if device == ip}
         lengths = {
             number
@@ -139,7 +139,7 @@ class Telegrams:
 
 
 def _told(transactions: list[Transaction]) -> Iterator[tuple[Transaction, int]]:
-    """Transactions that say the telegram, and which."""
+    """Transactions with the telegram of a drive object, and its number."""
     for item in transactions:
         if item.state not in ("ok", "partial") or item.operation not in ("read", "change"):
             continue

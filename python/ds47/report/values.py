@@ -1,7 +1,7 @@
-"""What values mean, in words: those of the profile, those that the tables list, connections, buffers of faults.
+"""What values mean, in words: values of the profile and of the tables, connections, buffers of faults.
 
-Stands behind the values in a line. What lists of a user say of a value comes before what the tables say; what
-neither says is left out. docs/protocol.md D has the layouts. lua/ds47/report/values.lua says the same.
+The words follow the values in a line. Lists of the user win over the tables; values in neither are left out.
+docs/protocol.md D has the layouts. lua/ds47/report/values.lua says the same.
 """
 
 from __future__ import annotations
@@ -18,35 +18,35 @@ from ds47.report.bilingual import Both, joined, say
 from ds47.report.escaping import escape
 
 _MOST: Final = 8
-"""Values of one parameter that are told one by one."""
+"""The most values of one parameter that get words, one by one."""
 _OWN: Final = 63
 """The drive object of a connection that stays within its own."""
 _FAULTS, _ALARMS = "faults", "alarms"
 _HALF: Final = {"Word": 0x8000, "DoubleWord": 0x8000_0000}
-"""From here on a word of PKW has another value where it has a sign."""
+"""From here on, a word of PKW has another value if it is signed."""
 _OPEN: Final = ("unknown", "Integer16", "Integer32")
-"""Types of the tables with which it may have one."""
+"""Types in the tables that allow a sign."""
 PLACES: Final = 8
-"""Places of one situation in a buffer."""
+"""Elements for one situation in a buffer."""
 LEADING: Final = ("number", "code")
-"""What of an entry says that there is one."""
+"""Columns of a buffer that show whether there is an entry."""
 
 
 _ABOUT: Final = (
     "pnu", "subindex", "attribute", "element_count", "listed", "unit", "format", "described", "family",
 )  # fmt: skip
-"""What tells which parameter it is, and in which form its values are."""
+"""The attributes that identify a parameter, and the form of its values."""
 about: Final[Callable[[Parameter], tuple[Any, ...]]] = attrgetter(*_ABOUT)
-"""All of it at once: writers remember what they make of it."""
+"""All of these at once, as a key: writers cache what they make of it."""
 
 
 def of_kind(known: tuple[Any, ...], **more: Any) -> Parameter:
-    """A parameter of which that is known, and whatever is given besides."""
+    """A parameter with these attributes, and `more`."""
     return Parameter(**dict(zip(_ABOUT, known, strict=True)), **more)
 
 
 def meaning(item: Parameter) -> Both | None:
-    """What the values of a parameter mean; None where they say it themselves.
+    """What the values of a parameter mean; None if there is nothing to add.
 
     Args:
         item: with the values that were read or written.
@@ -69,7 +69,7 @@ def meaning(item: Parameter) -> Both | None:
 
 @lru_cache(maxsize=4096)
 def may_mean(known: tuple[Any, ...], told: bool = False) -> bool:
-    """Whether there may be anything to say of the values of a parameter, by the tables or as `told`."""
+    """Whether the values of a parameter may have a meaning, in the tables or in a list (`told`)."""
     item = of_kind(known)
     row = item.listed
     if item.attribute != "value" or item.pnu is None or item.subindex is None:
@@ -80,7 +80,7 @@ def may_mean(known: tuple[Any, ...], told: bool = False) -> bool:
 
 
 def _signed(item: Parameter) -> Both | None:
-    """`signed -25`: a word of PKW, which has no type, and of which nothing else tells it."""
+    """`signed -25`: for a word of PKW, which has no type, if nothing else says its type."""
     value, half, row = item.values[0], _HALF.get(item.format or ""), item.listed
     known = item.described is not None or (row is not None and row.type not in _OPEN)
     if known or half is None or not isinstance(value, int) or value < half:
@@ -91,7 +91,7 @@ def _signed(item: Parameter) -> Both | None:
 def _texts(
     row: spec.Pnu | None, values: list[Value], told: Mapping[int | None, str]
 ) -> Both | None:
-    """The text of each value; a value without one stays a number, and none at all is told."""
+    """The text of each value; a value without one stays a number. None if no value has a text."""
     english: Mapping[int, str] = row.values_en if row is not None else {}
     chinese: Mapping[int, str] = row.values_zh if row is not None else {}
     if len(values) > _MOST:
@@ -114,7 +114,7 @@ def _text(
 
 
 def _connection(kind: str, item: Parameter) -> Both | None:
-    """`from r0722.2`, of the 32 bits that name a signal of the same drive object; None of any others."""
+    """`from r0722.2`, for 32 bits that name a signal of the same drive object; else None."""
     value = item.values[0]
     if len(item.values) != 1 or not isinstance(value, int) or not 0xFFFF < value <= 0xFFFFFFFF:
         return None
@@ -132,7 +132,7 @@ def _connection(kind: str, item: Parameter) -> Both | None:
 def _buffer(
     row: spec.Pnu, first: int, values: list[Value], told: Mapping[int | None, str]
 ) -> Both | None:
-    """The entries of a buffer that are not 0, by what they belong to: eight places each."""
+    """The entries of a buffer that are not 0, by situation: eight elements each."""
     places: dict[int, list[str]] = {}
     for place, value in enumerate(values, first):
         if value:
@@ -143,7 +143,7 @@ def _buffer(
 
 
 def _situations(row: spec.Pnu, first: int, places: Mapping[int, list[str]]) -> Iterator[Both]:
-    """What belongs together; only a number or a code says that there is no fault, as a value may be 0."""
+    """The entries of each situation. Only a missing number or code shows that there is none: a value may be 0."""
     kind = row.buffer
     if 0 not in places and first == 0 and row.entry is not None and row.entry[1] in LEADING:
         yield _word("value_no_faults" if kind == _FAULTS else "value_no_alarms")

@@ -25,7 +25,7 @@ FAILED = ("refused", "error", "partial", "mismatch")
 OPEN = ("unanswered", "superseded", "incomplete")
 """States of a transaction with an unknown outcome."""
 CALLS = ("DS101", "DS104", "DS105", "DS108", "DS207")
-"""Rules about a record call that brought nothing: where one did, not all is done."""
+"""Rules about a record call that brought nothing: with one of these, not everything succeeded."""
 KINDS = {
     "ok": "good",
     **dict.fromkeys(FAILED, "bad"),
@@ -37,23 +37,23 @@ ENDS = {
     **dict.fromkeys(("DS520", "DS524", "DS532"), "fault-cleared"),
     **dict.fromkeys(("DS521", "DS523"), "running"),
 }
-"""Rules about the state of a drive, with the event that ends it: it may be over before the capture is."""
+"""Rules about the state of a drive -> the event that ends this state."""
 LEVELS = ("none", "good", "warn", "bad")
-"""From nothing to say to serious; names of classes in the style sheet of the page."""
+"""From "nothing to say" to serious; also class names in the style sheet of the page."""
 
 
 @dataclass(slots=True)
 class VerdictCounts:
-    """What a verdict rests on."""
+    """The numbers behind a verdict."""
 
     captures: int = 0
     narrowed: int = 0
-    """Those of which a part is shown."""
+    """Captures of which only a part is shown."""
     frames: int = 0
     nothing: int = 0
-    """Captures without PROFINET, PROFIBUS and S7,"""
+    """Captures without PROFINET, PROFIBUS and S7."""
     others: Counter[str] = field(default_factory=Counter)
-    """and what their first frames are."""
+    """The kinds of their first frames."""
     unreadable: int = 0
     drives: set[str] = field(default_factory=set)
     watched: set[str] = field(default_factory=set)
@@ -67,11 +67,11 @@ class VerdictCounts:
     operations: Counter[str] = field(default_factory=Counter)
     severities: Counter[str] = field(default_factory=Counter)
     worst: tuple[int, Both] | None = None
-    """The worst cause, as a clause, with its place in SEVERITIES,"""
+    """The worst cause: its place in SEVERITIES, and a clause."""
     causes: int = 0
-    """and how many there are, those of the recording aside."""
+    """The number of causes, without those of the recording."""
     in_part: int = 0
-    """Captures that show only a part (DS725)."""
+    """Captures that lack something (DS725)."""
     faulty: int = 0
     """Captures with a cause."""
     calls: int = 0
@@ -79,11 +79,11 @@ class VerdictCounts:
     lowered: int = 0
     """Findings that are notes only because the maker has no tables here."""
     cut: Counter[tuple[str, int | None]] = field(default_factory=Counter)
-    """Messages that are cut before their record, by what is said of them and the bytes that are left of each."""
+    """Messages that are cut before their record, by the key of their words and the bytes left of each."""
 
     @classmethod
     def of(cls, result: CaptureResult, zone: Zone = UNIVERSAL) -> VerdictCounts:
-        """The counts of one capture; a time in the clause of its worst cause is one of this zone."""
+        """The counts of one capture; `zone` is for times in the clause of its worst cause."""
         jobs, findings = result.transactions, result.findings
         causes = wrong(result)
         return cls(
@@ -129,7 +129,7 @@ class VerdictCounts:
 
     @property
     def there(self) -> dict[str, int]:
-        """Who is there, and how many: nothing that is not."""
+        """The kinds of stations in the capture, and how many of each; kinds without any are left out."""
         numbers = {
             "drives": len(self.drives),
             "watched": len(self.watched - self.drives),
@@ -145,7 +145,7 @@ class VerdictCounts:
 
     @property
     def smooth(self) -> bool:
-        """Whether nothing went wrong on the way: no error was found, every record call brought its record."""
+        """Whether nothing went wrong on the way: no error was found, and every record call brought its record."""
         return not (self.severities["error"] or self.lowered or self.calls)
 
     @property
@@ -164,9 +164,9 @@ def _devices(result: CaptureResult, names: set[str]) -> set[str]:
 
 
 def wrong(result: CaptureResult) -> list[Diagnosis]:
-    """What is wrong, each cause once, the worst first; notes and what the capture lacks are no causes.
+    """What is wrong: each cause once, the worst first. Notes, and what the capture lacks, are no causes.
 
-    A note that is one only because the maker has no tables here is a cause.
+    A finding that is a note only because its maker has no tables here is a cause.
     """
     found = [each for each in result.diagnoses if each.rule != OF_THE_RECORDING]
     found += headlines(uncovered(result))
@@ -189,12 +189,12 @@ def concluded(result: CaptureResult) -> list[Diagnosis]:
 
 
 def _shows_a_part(item: Diagnosis) -> bool:
-    """Whether the capture lacks something: of disorder nothing is missing."""
+    """Whether the capture lacks something. In disorder, nothing is missing."""
     return item.rule == OF_THE_RECORDING and item.args.get("what") != "disorder"
 
 
 def _worst(result: CaptureResult, causes: list[Diagnosis], zone: Zone) -> tuple[int, Both] | None:
-    """The first of them as a clause; of the state of a drive with its end."""
+    """The first cause as a clause; a state of a drive with its end."""
     if not causes:
         return None
     first = causes[0]
@@ -209,7 +209,7 @@ def _worst(result: CaptureResult, causes: list[Diagnosis], zone: Zone) -> tuple[
 
 
 def _over(result: CaptureResult, item: Diagnosis) -> int | None:
-    """When what this is about was over; 0 if the capture shows no end of it, None if it is not known."""
+    """When the state of a drive was over; 0 if the capture does not show its end, None if that is unknown."""
     where = item.args.get("device"), item.args.get("slot")
     for line in result.timelines:
         relation = result.relations[line.relation - 1]
@@ -247,7 +247,7 @@ def verdict(counts: VerdictCounts) -> Both:
 
 
 def _nothing(counts: VerdictCounts) -> Both:
-    """What is there instead of transactions."""
+    """What the capture has instead of transactions."""
     frames = say("frames", n=counts.frames)
     if counts.narrowed:
         return say("verdict_no_jobs")
@@ -261,7 +261,7 @@ def _nothing(counts: VerdictCounts) -> Both:
 
 
 def _failures(counts: VerdictCounts) -> list[Both]:
-    """How many transactions failed, and of how many nobody knows."""
+    """How many transactions failed, and how many have an unknown outcome."""
     if counts.jobs == 1 and not counts.narrowed:
         return [say("verdict_failed_one" if counts.failed else "verdict_open_one")]
     of = f"{counts.jobs:,}"
@@ -273,7 +273,7 @@ def _failures(counts: VerdictCounts) -> list[Both]:
 
 
 def inventory(counts: VerdictCounts) -> Both | None:
-    """What is there: `1 drive, 8 transactions, 4 ok, 1 partial`; None where nothing is."""
+    """What the capture has: `1 drive, 8 transactions, 4 ok, 1 partial`; None for nothing."""
     parts = _who(counts)
     if counts.jobs:
         ok = by_state(counts.states) if counts.failed or counts.open else []
@@ -285,7 +285,7 @@ def inventory(counts: VerdictCounts) -> Both | None:
 
 
 def _cut(result: CaptureResult) -> Counter[tuple[str, int | None]]:
-    """Messages that are cut, where no record is known."""
+    """Messages that are cut, if the capture shows no record."""
     rpc = result.rpc.get("requests") or result.rpc.get("responses")
     word = "verdict_cut" if rpc else "verdict_cut_rpc"
     messages = [each.args for each in result.findings if each.args.get("what") == "cut"]
@@ -295,7 +295,7 @@ def _cut(result: CaptureResult) -> Counter[tuple[str, int | None]]:
 
 
 def _undecoded(cut: Counter[tuple[str, int | None]]) -> Both | None:
-    """Why record messages are no transactions; None where they are not cut, or at several lengths."""
+    """Why record messages are no transactions; None if they are not cut, or have several lengths."""
     if len(cut) != 1:
         return None
     ((word, length),) = cut
@@ -303,14 +303,14 @@ def _undecoded(cut: Counter[tuple[str, int | None]]) -> Both | None:
 
 
 def _who(counts: VerdictCounts) -> list[Both]:
-    """Who is there: drives with transactions, drives in cyclic frames, stations of PROFIBUS, connections of S7."""
+    """How many drives with transactions, drives in cyclic frames, PROFIBUS stations and S7 connections."""
     return [say(f"verdict_{what}", n=number) for what, number in counts.there.items()]
 
 
 def outcomes(states: Counter[str], *, smooth: bool) -> list[Both]:
-    """The states of transactions that are not ok; without any, that all are done.
+    """The states of transactions that are not ok. Without any, it says that all are done.
 
-    If the capture is not `VerdictCounts.smooth`, it says only that all have a response.
+    If the capture is not `VerdictCounts.smooth`, it only says that all have a response.
     """
     return by_state(states, but=("ok",)) or [
         say("told_all_done" if smooth else "told_all_answered")
@@ -324,7 +324,7 @@ def by_state(states: Counter[str], but: tuple[str, ...] = ()) -> list[Both]:
 
 
 def blind(result: CaptureResult) -> list[Both]:
-    """What this capture cannot show, though others can: its silence proves nothing."""
+    """What this capture cannot show, although others can: its silence proves nothing."""
     result, lines = result.entire, []
     if any(_accepted(each) for each in result.transactions):
         lines.append(say("blind_effect"))
@@ -366,10 +366,10 @@ def _accepted(item: Transaction) -> bool:
 
 
 def _other_records(result: CaptureResult) -> int:
-    """Record calls on indices that carried no parameter channel, and are not there for one.
+    """Record calls at indices that carry no parameter channel here, and are not meant for one.
 
-    DS209 counts those at index 47 that nothing shows to be ours. An IODWriteMultiple is none: it is opened, and
-    what is in it counts by its own index.
+    DS209 counts those at index 47 that nothing shows to be ours. An IODWriteMultiple does not count, but the
+    records in it do.
     """
     ours = {str(each.index) for each in result.transactions}
     ours |= {str(index) for index in (RECORD_WRITE_MULTIPLE, *ALWAYS)}

@@ -1,4 +1,4 @@
-"""What classes of plain data have in common, in whatever room they are; it is below all of them."""
+"""What classes of plain data share. This module is below all rooms."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 
 
 class Plain:
-    """Instances can be compared, shown, copied, sent to another process.
+    """Instances can be compared, shown, copied, and sent to another process.
 
-    One method for all instead of one that `dataclass` writes for each: writing them takes longer than a
-    small capture, and nobody compares two transactions in a hurry. Only for modules that are compiled, too
-    (RECORD_PATH in hatch_build.py): what is not compiled cannot inherit from what is.
+    All classes share these methods: `dataclass` would write them for each class, which takes longer than to read
+    a small capture. Only compiled modules (RECORD_PATH in hatch_build.py) may use this class: an uncompiled
+    class cannot inherit from a compiled one.
     """
 
     __slots__ = ()
@@ -26,7 +26,7 @@ class Plain:
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        """A line for a person where some room has words for it, else all fields."""
+        """A line for a person if `SHOWN` has one, else all fields."""
         return SHOWN.get(type(self), fields)(self)
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
@@ -42,4 +42,4 @@ def fields(item: Plain) -> str:
 
 
 SHOWN: dict[type, Callable[[Any], str]] = {}
-"""What shows a class in a line: `ds47.report.shown` adds those that need words, which are in no room below."""
+"""Class -> what shows it in a line. `ds47.report.shown` adds to it, because the words are in a room above."""

@@ -15,9 +15,9 @@ _TIMESTAMP: Final = re.compile(r"(-?\d+)-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d)\.(\d
 
 
 def timestamp(time_ns: int) -> str:
-    """Nanoseconds since 1970 as ISO 8601 in UTC with nine digits; takes any number, as captures may lie.
+    """Nanoseconds since 1970 as ISO 8601 in UTC with nine digits; takes any number, because clocks may be wrong.
 
-    `datetime` ends with the year 9999. The calendar repeats every 400 years, so `date` gets only years
+    `datetime` ends with the year 9999. The calendar repeats every 400 years, so `date` only gets years
     of one cycle.
     """
     return f"{second(time_ns // SECOND_NS)}.{time_ns % SECOND_NS:09}Z"
@@ -25,7 +25,7 @@ def timestamp(time_ns: int) -> str:
 
 @lru_cache(maxsize=64)
 def second(seconds: int) -> str:
-    """The same of whole seconds, without what comes behind them: many follow each other within one."""
+    """The same for whole seconds, without the fraction; cached, because many times share one second."""
     days, seconds = divmod(seconds, _SECONDS_IN_DAY)
     cycles, days = divmod(days, _DAYS_IN_400_YEARS)
     day = date.fromordinal(_EPOCH_DAY + days)
@@ -36,7 +36,7 @@ def second(seconds: int) -> str:
 
 
 def moment(time_ns: int) -> datetime | None:
-    """Nanoseconds since 1970 as a time in UTC, cut to microseconds; None in a year that `datetime` has not."""
+    """Nanoseconds since 1970 as a time in UTC, cut to microseconds; None in a year beyond `datetime`."""
     try:
         return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=time_ns // 1000)
     except OverflowError:
@@ -64,7 +64,7 @@ def milliseconds(duration_ns: int | None) -> float | None:
 
 
 def duration(shown_ms: float | None) -> int | None:
-    """A duration in ms back in the whole nanoseconds it was rounded from."""
+    """The whole nanoseconds that a duration in ms was rounded from."""
     if shown_ms is None:
         return None
     from fractions import Fraction  # only results that are loaded need it

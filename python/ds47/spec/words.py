@@ -1,4 +1,4 @@
-"""Words of a file in English and Chinese, apart from those of its rows: the same look-ups for every file."""
+"""The words of a file in English and Chinese, except those of its rows: the same look-ups for every file."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def _flaws(file: str) -> Mapping[str, Mapping[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class Flaw:
-    """What is wrong with bytes, where, and with which numbers."""
+    """What is wrong with bytes, where, and the numbers for its words."""
 
     kind: str
     """One of `Words.flaw_ids()`."""
     offset: int
-    """Bytes from the beginning of what was decoded."""
+    """Bytes from the start of the decoded data."""
     args: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -34,7 +34,7 @@ class Words:
         self._file = file
 
     def words(self) -> Mapping[str, Mapping[str, str]]:
-        """Words around those of the tables: key -> "en" and "zh"."""
+        """The table `[words]`: key -> "en" and "zh"."""
         return MappingProxyType(_load(self._file)["words"])
 
     def word(self, key: str, lang: str) -> str:
@@ -42,11 +42,11 @@ class Words:
         return self.words()[key][lang]
 
     def flaw_ids(self) -> tuple[str, ...]:
-        """All that can be wrong."""
+        """The ids of everything that can be wrong."""
         return tuple(_flaws(self._file))
 
     def flaw_template(self, flaw_id: str, lang: str = "en") -> str:
-        """What is wrong, in "en" or "zh", with its numbers not filled in."""
+        """What is wrong, in "en" or "zh", without its numbers."""
         return _flaws(self._file)[flaw_id][lang]
 
     def flaw_text(self, flaw_id: str, args: Mapping[str, Any], lang: str = "en") -> str:

@@ -1,4 +1,4 @@
-"""The words of the page in English and Chinese (texts.toml, spec/*.toml), and how they get into it.
+"""The words of the page in English and Chinese (texts.toml, spec/*.toml), and the markup for them.
 
 A page has every text in both languages. The `lang` of the document selects the one to show, so switching needs
 no server.
