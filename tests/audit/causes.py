@@ -466,9 +466,11 @@ def _too_long(case: Case) -> Iterator[str]:
         yield f"room {case.args.get('room')!r} is none"
     yield from _no_room(case, deal.asked, deal.answer)
     fits = case.args.get("fits")
-    if case.args.get("fit") == "fit_parameters" and case.args.get("what") == "left_out":
-        if not isinstance(fits, int) or not len(deal.answer.blocks) <= fits < deal.parameters_asked:
-            yield f"{fits!r} have room, and {len(deal.answer.blocks)} found it"
+    counted = case.args.get("fit") == "fit_parameters" and case.args.get("what") == "left_out"
+    if counted and not (
+        isinstance(fits, int) and len(deal.answer.blocks) <= fits < deal.parameters_asked
+    ):
+        yield f"{fits!r} have room, and {len(deal.answer.blocks)} found it"
     if there == deal.parameters_asked:
         yield "all found room"
 

@@ -774,7 +774,9 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
         yield "its AR was not released"
     elif told == "end" and any(
         call is None or call.response
-        for call in map(case.reading.call_at.get, case.reading.releases(deal))  # None: a lone response
+        for call in map(
+            case.reading.call_at.get, case.reading.releases(deal)
+        )  # None: a lone response
     ):
         yield f"its AR was released in frame {released[0]}"
     elif told == "end" and (own := [frame for frame in later if not _older(case, deal, frame)]):

@@ -225,11 +225,14 @@ def test_a_job_is_refused() -> None:
     assert "(8104)" in words("DS909", remark.args)
 
 
+ITEMS = "; the answer would need 251 bytes, the PDU has 240: one job has room for 16 of the items"
+
+
 @pytest.mark.parametrize(
     ("operation", "sizes", "said"),
     [
         (GET, [3000], "; the answer would need 3018 bytes, the PDU has 240: 222 bytes fit in one job, so 14 jobs"),
-        (GET, [9] * 17, "; the answer would need 251 bytes, the PDU has 240: one job has room for 16 of the items"),
+        (GET, [9] * 17, ITEMS),
         (GET, [222], ""),
         (PUT, [300], "; the request needs 328 bytes, the PDU has 240: 212 bytes fit in one job, so 2 jobs"),
         (PUT, [99, 99], "; the request needs 243 bytes, the PDU has 240: one job has room for 1 of the items"),

@@ -16,8 +16,8 @@ from ds47.acyclic.readback import ReadBack
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.drive_objects import DO_IDENTIFICATION, DriveObjects
-from ds47.profidrive.parameter import NOT_SUPPORTED, family_fits
 from ds47.profidrive.model import VALUE
+from ds47.profidrive.parameter import NOT_SUPPORTED, family_fits
 from ds47.profinet.records import Half, Peer
 from ds47.spec.semantics import Limits, known
 from ds47.spec.statuses import status_hex

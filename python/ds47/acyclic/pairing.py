@@ -8,7 +8,7 @@ list (`Told`), and the caller processes that list.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final, Literal, NamedTuple, TypeVar
@@ -325,7 +325,9 @@ class Pairing:
     ) -> None:
         self._limits = limits
         self._completeness = completeness
-        self._behind = _nothing_behind if completeness is None else completeness.behind
+        self._behind: Callable[..., Missing | None] = (
+            completeness.behind if completeness is not None else lambda *_, **__: None
+        )
         self._told = told
         self._table = phases()
         self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
@@ -1142,11 +1144,6 @@ class Pairing:
             self._lose(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
-
-
-def _nothing_behind(peer: Peer, since: int, *, ordered: bool = False) -> Missing | None:
-    """In place of `Completeness.behind`: nothing is missing."""
-    return None
 
 
 def _unanswered(job: Job, asked: Half) -> Missing:

@@ -14,8 +14,8 @@ from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, State, Transaction, Value
 from ds47.profidrive import Address, Block
 from ds47.profidrive.dictionary import explain, family_of, unit_of
-from ds47.profidrive.parameter import NOT_SUPPORTED
 from ds47.profidrive.model import attribute_name, format_name
+from ds47.profidrive.parameter import NOT_SUPPORTED
 from ds47.profinet.records import NIL_UUID, NO_API, Half
 from ds47.spec import Operation, Pnu, parameter, request_ids, response_ids
 from ds47.spec.units import uuid_text

@@ -20,8 +20,8 @@ from ds47.findings.remark import Remark
 from ds47.profidrive import Request, Response, decode_request
 from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import LOCAL, put
-from ds47.profidrive.parameter import NOT_SUPPORTED
 from ds47.profidrive.model import Address
+from ds47.profidrive.parameter import NOT_SUPPORTED
 from ds47.profinet.completeness import Completeness, Hole, Missing
 from ds47.profinet.completeness import Pair as Lacking
 from ds47.profinet.ip import Cut

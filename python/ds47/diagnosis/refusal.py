@@ -13,8 +13,8 @@ from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.model import SIEMENS
 from ds47.profidrive import Address, Request, Response, decode_request
-from ds47.profidrive.parameter import NOT_SUPPORTED
 from ds47.profidrive.model import Block
+from ds47.profidrive.parameter import NOT_SUPPORTED
 from ds47.spec import rules
 from ds47.spec.semantics import known
 
