@@ -295,7 +295,9 @@ def _telegram_words() -> Iterator[str]:
             key = f"pzd.word.{name.lower()}" if name else None
             places[text] = {"size": size} | ({"key": key} if key else {})
             unsigned = name and any(part in name for part in _plugin()["unsigned"])
-            kind: tuple[str, ...] = (f"uint{8 * size}", "DEC_HEX") if unsigned else (f"int{8 * size}", "DEC")
+            kind: tuple[str, ...] = (
+                (f"uint{8 * size}", "DEC_HEX") if unsigned else (f"int{8 * size}", "DEC")
+            )
             if name in _plugin()["floats"]:
                 kind = ("float",)
             if key:

@@ -51,7 +51,7 @@ local sizes = entries(function(words)
   return size
 end)
 
--- The numbers of the telegrams of drives, of any maker, with PKW or without, whose process data has these lengths.
+-- The numbers of the telegrams of drives of any maker, with PKW or without, with process data of these lengths.
 local function fitting(output, input, pkw)
   local found = {}
   for number, row in pairs(tables.pzd.telegrams) do
@@ -63,8 +63,8 @@ local function fitting(output, input, pkw)
   return found
 end
 
---- Adds the numbers of the telegrams that a maker has, with PKW or without, whose process data has these lengths.
--- @param maker PROFINET vendor id; nil where nothing says it: a number above those of the profile is somebody's
+--- Adds the numbers of the telegrams that a maker has, with PKW or without, where these are their lengths.
+-- @param maker vendor id; nil where nothing says it: a number above those of the profile is somebody's
 function M.add_telegrams(numbers, output, input, pkw, maker)
   for _, number in ipairs(fitting(output, input, pkw)) do
     local vendor = tables.pzd.telegrams[number].vendor

@@ -68,7 +68,7 @@ local function elements(pnu, first, values, words, lang)
   return found[1] and found or nil
 end
 
--- The name of a telegram, and its words where they are known: its maker's, where the number is not standard.
+-- The name of a telegram, and its words where they are known; those of a maker on its drives alone.
 local function telegram(value, family, words, lang)
   if not is_number(value) or value == 0 or value >= 999 then return nil end
   local key = value < 100 and "profile_standard" or "profile_own"

@@ -50,7 +50,7 @@ def word(name: str, value: int, lang: str) -> Said:
 
 
 def telegram(number: int, lang: str) -> Said:
-    """A telegram by its number: whose it is, what it is for, its words in both directions, and where that was read."""
+    """A telegram by its number: whose it is, what it is for, its words both ways, and where that was read."""
     words, row = explanations.words(lang), cyclic.telegrams().get(number)
     if row is None:
         key = "unknown_telegram" if number < _OWN else "unknown_own_telegram"

@@ -97,7 +97,7 @@ def _date(year: Value, ddmm: Value) -> Both | None:
 
 
 def _telegram(value: Value, family: str | None) -> Both | None:
-    """The name of a telegram, and its words where they are known: its maker's, where the number is not standard."""
+    """The name of a telegram, and its words where they are known; those of a maker on its drives alone."""
     if not _is_number(value) or not 0 < int(value) < 999:
         return None
     shown = say("profile_standard" if int(value) < 100 else "profile_own", n=str(value))

@@ -1,4 +1,4 @@
-"""The tables of the cyclic channels as Python objects: PKW (pkw.toml), PZD (pzd.toml) and telegrams (telegrams.toml).
+"""The tables of the cyclic channels as Python objects: pkw.toml, pzd.toml and telegrams.toml.
 
 Loading and lookup only; words are decoded in `ds47.cyclic`.
 """
