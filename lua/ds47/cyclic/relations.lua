@@ -51,7 +51,7 @@ local sizes = entries(function(words)
   return size
 end)
 
--- The numbers of the telegrams of drives of any maker, with PKW or without, with process data of these lengths.
+-- The numbers of the telegrams of drives of any maker, with PKW or without, that have these lengths.
 local function fitting(output, input, pkw)
   local found = {}
   for number, row in pairs(tables.pzd.telegrams) do
