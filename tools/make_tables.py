@@ -282,21 +282,24 @@ def _word(text: str) -> tuple[str | None, int]:
 
     No name where it has no field of its own: nobody knows what it is, or it is setpoint or actual value.
     """
-    if text == "-" or text.startswith(("NSOLL_A", "NIST_A")):
-        return None, 2
-    return text.removesuffix("(2)"), 4 if text.endswith("(2)") else 2
+    name = None if text == "-" or text.startswith(("NSOLL_A", "NIST_A")) else cyclic.bare(text)
+    return name, cyclic.size((text,))
 
 
 def _telegram_words() -> Iterator[str]:
-    """Each word behind the first ones: its bytes, and the key of its field; and these fields."""
+    """Each word of drives behind the first ones: its bytes, and the key of its field; and these fields."""
     places, shown = {}, {}
-    for _, row in sorted(cyclic.telegrams().items()):
+    for _, row in sorted(cyclic.drive_telegrams().items()):
         for text in (*row.out[1:], *row.inward[1:]):
             name, size = _word(text)
             key = f"pzd.word.{name.lower()}" if name else None
             places[text] = {"size": size} | ({"key": key} if key else {})
             unsigned = name and any(part in name for part in _plugin()["unsigned"])
-            kind = (f"uint{8 * size}", "DEC_HEX") if unsigned else (f"int{8 * size}", "DEC")
+            kind: tuple[str, ...] = (
+                (f"uint{8 * size}", "DEC_HEX") if unsigned else (f"int{8 * size}", "DEC")
+            )
+            if name in _plugin()["floats"]:
+                kind = ("float",)
             if key:
                 shown.setdefault(key, (key, name, *kind))
     yield from block("M.fields.telegrams", list(shown.values()))
@@ -497,8 +500,11 @@ def _pzd() -> Iterator[str]:
     yield f"M.pzd.stopping.unless = {literal(ending.unless)}"
     needed = [fields(row, ("bit", "en", "zh", "setpoint")) for row in cyclic.needed()]
     yield from block("M.pzd.needed", needed)
-    known = cyclic.telegrams()
-    telegrams = {number: fields(row, ("out", "inward", "pkw")) for number, row in known.items()}
+    telegrams = {
+        number: fields(row, ("out", "inward", "pkw", "vendor")) | {"of_drive": row.is_of_drive}
+        for number, row in cyclic.telegrams().items()
+        if row.is_known
+    }
     yield from block("M.pzd.telegrams", telegrams)
 
 

@@ -74,7 +74,7 @@ class Drive:
 
     @property
     def is_speed(self) -> bool:
-        return not {7, 9, 111} & set(self.relation["telegrams"])
+        return not {7, 9, 111, 112} & set(self.relation["telegrams"])
 
     def _read(self, reading: Reading) -> Iterator[Look]:
         words: dict[bool, bytes | None] = {True: None, False: None}

@@ -33,6 +33,8 @@ MEANT = [
     (922, 0, "Unsigned16", [1], "standard telegram 1: STW1 NSOLL_A / ZSW1 NIST_A"),
     (922, 0, "Unsigned16", [98], "standard telegram 98"),
     (922, 0, "Unsigned16", [888], "manufacturer's telegram 888"),
+    (922, 0, "Unsigned16", [390], "manufacturer's telegram 390"),
+    (922, 0, "Unsigned16", [391], "manufacturer's telegram 391"),
     (922, 0, "Unsigned16", [999], None),
     (922, 0, "Unsigned16", [0], None),
     (922, 0, "Float32", [1.5], None),
@@ -54,7 +56,7 @@ def of(pnu: int, subindex: int, format_name: str, values: list[Any], **about: An
     known = {"attribute": "value", "element_count": len(values)} | about
     return Parameter(
         pnu, subindex, known["attribute"], known["element_count"], format=format_name,
-        value_count=len(values), values=values,
+        value_count=len(values), values=values, family=known.get("family"),
     )  # fmt: skip
 
 
@@ -62,6 +64,24 @@ def of(pnu: int, subindex: int, format_name: str, values: list[Any], **about: An
 def test_what_a_value_means(pnu, subindex, format_name, values, meant):
     told = meaning(of(pnu, subindex, format_name, values))
     assert (told and told.en) == meant
+
+
+OWN = [
+    ("sinamics", 390, "manufacturer's telegram 390: CU_STW1 A_DIGITAL / CU_ZSW1 E_DIGITAL"),
+    ("micromaster", 353, "manufacturer's telegram 353: STW1 NSOLL_A / ZSW1 NIST_A_GLATT"),
+    ("profile", 353, "manufacturer's telegram 353"),
+    ("sinamics", 391, "manufacturer's telegram 391"),
+    ("profile", 7, "standard telegram 7: STW1 SATZANW / ZSW1 AKTSATZ"),
+]
+
+
+def owned() -> list[Parameter]:
+    return [of(922, 0, "Unsigned16", [number], family=family) for family, number, _ in OWN]
+
+
+def test_a_number_of_a_maker_has_words_on_its_drives_alone() -> None:
+    told = [meaning(each) for each in owned()]
+    assert [each and each.en for each in told] == [row[2] for row in OWN]
 
 
 def test_it_stands_behind_the_values():
@@ -81,7 +101,7 @@ def test_what_no_request_names_means_nothing():
 
 @pytest.mark.parametrize("lang", ["en", "zh"])
 def test_the_plugin_says_the_same(lua: Run, lang: str) -> None:
-    parameters = [of(*row[:4]) for row in MEANT]
+    parameters = [*(of(*row[:4]) for row in MEANT), *owned()]
     result = CaptureResult("values.pcapng", transactions=[timed(1, 12, parameters=parameters)])
     (told,) = lua([job("parameters", result, lang=lang)])
     assert told.splitlines() == [parameter(each, False, lang) for each in parameters]

@@ -482,7 +482,7 @@ function Channels:connected(request, response)
   replace_all(self, asked.controller_mac, device_mac, response.frame, lengths)
   local vendor_id = rpc.device_identity(response.object_uuid)
   if vendor_id == nil and self.naming.vendor_id then vendor_id = self.naming:vendor(request.server) end
-  for _, found in ipairs(relations.channels(asked)) do
+  for _, found in ipairs(relations.channels(asked, vendor_id)) do
     if #self.all >= self.limits.relations then break end
     local item, channel, offset = found.submodule, found.channel, found.offset
     local made = {

@@ -49,12 +49,12 @@ end
 M.source = char
 
 -- The telegrams that the process data may be.
-local function telegrams_of(told)
+local function telegrams_of(told, maker)
   local numbers, with_pkw = {}, false
   for _, module in ipairs(told.modules) do with_pkw = with_pkw or module.role == "PKW" end
   for _, module in ipairs(told.modules) do
     if module.role == "PZD" and module.outputs and module.inputs then
-      relations.add_telegrams(numbers, module.outputs.length, module.inputs.length, with_pkw)
+      relations.add_telegrams(numbers, module.outputs.length, module.inputs.length, with_pkw, maker)
     end
   end
   return numbers
@@ -74,7 +74,7 @@ end
 -- @param family of the parameters of the drive; nil where that is not known
 -- @param agreed whether master and station name the same ident number
 function M.relations(master, station, told, vendor_id, frame, family, agreed)
-  local found, output, input, telegrams = {}, 0, 0, telegrams_of(told)
+  local found, output, input, telegrams = {}, 0, 0, telegrams_of(told, vendor_id)
   for _, module in ipairs(told.modules) do
     local out = module.outputs and module.outputs.length or 0
     local in_ = module.inputs and module.inputs.length or 0

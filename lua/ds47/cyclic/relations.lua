@@ -42,7 +42,7 @@ end
 
 local function is(item, length) return item.output.length == length and item.input.length == length end
 
-local function size_of(word) return word:sub(-3) == "(2)" and 4 or 2 end
+local function size_of(word) return 2 * (tonumber(word:match("%((%d)%)$")) or 1) end
 
 -- Bytes of the words of a telegram.
 local sizes = entries(function(words)
@@ -51,36 +51,45 @@ local sizes = entries(function(words)
   return size
 end)
 
---- Adds the numbers of the telegrams, with PKW or without, whose process data has these lengths.
-function M.add_telegrams(numbers, output, input, pkw)
-  local fitting = {}
+-- The numbers of the telegrams of drives of any maker, with PKW or without, that have these lengths.
+local function fitting(output, input, pkw)
+  local found = {}
   for number, row in pairs(tables.pzd.telegrams) do
-    if row.pkw == pkw and sizes[row.out] == output and sizes[row.inward] == input then
-      fitting[#fitting + 1] = number
+    if row.of_drive and row.pkw == pkw and sizes[row.out] == output and sizes[row.inward] == input then
+      found[#found + 1] = number
     end
   end
-  table.sort(fitting)
-  for _, number in ipairs(fitting) do numbers[#numbers + 1] = number end
+  table.sort(found)
+  return found
+end
+
+--- Adds the numbers of the telegrams that a maker has, with PKW or without, where these are their lengths.
+-- @param maker vendor id; nil where nothing says it: a number above those of the profile is somebody's
+function M.add_telegrams(numbers, output, input, pkw, maker)
+  for _, number in ipairs(fitting(output, input, pkw)) do
+    local vendor = tables.pzd.telegrams[number].vendor
+    if vendor == nil or vendor == maker then numbers[#numbers + 1] = number end
+  end
   return numbers
 end
 
 local function may_be_pzd(item) return item.output.length >= LEAST_PZD and item.input.length >= LEAST_PZD end
 
 -- Whether a slot has eight bytes of PKW beside what may be process data, and the telegrams of that.
-local function beside(slot)
+local function beside(slot, maker)
   local words, others, numbers = false, false, {}
   for _, each in ipairs(slot) do
     words = words or is(each, LENGTH)
     if may_be_pzd(each) and not is(each, LENGTH) then
       others = true
-      M.add_telegrams(numbers, each.output.length, each.input.length, true)
+      M.add_telegrams(numbers, each.output.length, each.input.length, true, maker)
     end
   end
   return words and others, numbers
 end
 
-local function of_slot(slot, result)
-  local others, numbers = beside(slot)
+local function of_slot(slot, maker, result)
+  local others, numbers = beside(slot, maker)
   local function found(channel, submodule, offset, of)
     result[#result + 1] = {channel = channel, submodule = submodule, offset = offset, telegrams = of}
   end
@@ -90,12 +99,13 @@ local function of_slot(slot, result)
       found(M.PKW, each, 0, numbers)
     else
       if is(each, 12) or is(each, 20) then -- PPO1 and PPO2
-        local rest = M.add_telegrams({}, output - LENGTH, input - LENGTH, true)
+        local rest = M.add_telegrams({}, output - LENGTH, input - LENGTH, true, maker)
         found(M.PKW, each, 0, rest)
         found(M.PZD, each, LENGTH, rest)
       end
-      local own = M.add_telegrams({}, output, input, others)
-      if #own > 0 or others and may_be_pzd(each) then found(M.PZD, each, 0, own) end
+      if fitting(output, input, others)[1] or others and may_be_pzd(each) then
+        found(M.PZD, each, 0, M.add_telegrams({}, output, input, others, maker))
+      end
     end
   end
 end
@@ -103,9 +113,10 @@ end
 --- What may be a channel of a drive in the data that a Connect sets up: an array of {channel, submodule,
 -- offset, telegrams that the lengths allow}. PKW: eight bytes beside process data in one slot; or twelve or
 -- twenty in one submodule, as PPO1 and PPO2 have them. PZD: what stands beside or behind them, or has the
--- lengths of a telegram.
+-- lengths of a telegram, whosever it is.
 -- @param connect as connect.lua gives it
-function M.channels(connect)
+-- @param maker vendor id of the device, nil where nothing says it: only telegrams that it has are named
+function M.channels(connect, maker)
   local both = filtered(connect.submodules, function(each) return fits(each.input) and fits(each.output) end)
   table.sort(both, is_before)
   local result, first = {}, 1
@@ -115,7 +126,7 @@ function M.channels(connect)
       slot[#slot + 1] = both[at]
       at = at + 1
     end
-    of_slot(slot, result)
+    of_slot(slot, maker, result)
     first = at
   end
   return result

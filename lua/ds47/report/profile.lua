@@ -10,6 +10,8 @@ local M = {}
 
 local PROFILES = { [0x03] = "profile_profidrive", [0x3D] = "profile_of_encoders" }
 local CLASSES = { [1] = "profile_axis", [5] = "profile_encoder" }
+-- Families of the only maker whose telegrams are known.
+local SIEMENS = { sinamics = true, micromaster = true }
 local MOST_NAME = 240 -- characters of a name of station
 local ADDRESSES = { [61001] = true, [61003] = true, [61004] = true }
 
@@ -66,13 +68,13 @@ local function elements(pnu, first, values, words, lang)
   return found[1] and found or nil
 end
 
--- The name of a telegram, and its words where they are known.
-local function telegram(value, words, lang)
+-- The name of a telegram, and its words where they are known; those of a maker on its drives alone.
+local function telegram(value, family, words, lang)
   if not is_number(value) or value == 0 or value >= 999 then return nil end
   local key = value < 100 and "profile_standard" or "profile_own"
   local told = words.say(lang, key, { n = format("%d", value) })
   local known = tables.pzd.telegrams[value]
-  if known then
+  if known and (known.vendor == nil or SIEMENS[family]) then
     local signals = table.concat(known.out, " ") .. " / " .. table.concat(known.inward, " ")
     told = words.joined(lang, { told, signals }, ": ", "：")
   end
@@ -114,7 +116,7 @@ end
 function M.parts(item, words, lang)
   local pnu, values = item.pnu, item.values
   if pnu == 964 or pnu == 974 or pnu == 975 then return elements(pnu, item.subindex, values, words, lang) end
-  if pnu == 922 then return telegram(values[1], words, lang) end
+  if pnu == 922 then return telegram(values[1], item.family, words, lang) end
   if pnu == 965 then return profile(values, words, lang) end
   return address(pnu, values[1], words.quoted)
 end

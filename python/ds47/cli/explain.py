@@ -41,7 +41,8 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
     """Explain a status or code: DE80B500, 16#80B5, 00700200, 0x6B, 107, 82, DS410, REAL, p2900, F07900.
 
     Where a number means several things a word in front picks one, as in error 82: error, response, request,
-    attribute, format, index, status, parameter, fault, alarm, stw1, zsw1, SFC14, SFC58, s7.
+    attribute, format, index, status, parameter, fault, alarm, telegram, stw1, zsw1,
+    cu_stw1, cu_zsw1, e_stw1, e_zsw1, SFC14, SFC58, s7.
     Several codes are explained one after the other.
     A format may be given by its name, or by that of the type in a PLC: Float32, REAL.
     """

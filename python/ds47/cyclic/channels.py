@@ -25,7 +25,7 @@ from ds47.model import CONFIGURED, LENGTHS, NAMED, ODD, PKW, PZD, REFUTED, SEEN,
 from ds47.profinet.connect import parse_request, parse_response
 from ds47.profinet.link import GROUP, Packet
 from ds47.profinet.rpc import Pdu, device_identity
-from ds47.spec.cyclic import telegrams
+from ds47.spec.cyclic import drive_telegrams
 from ds47.spec.semantics import Limits
 
 _NONE: Mapping[int, int] = {}
@@ -245,7 +245,7 @@ class DriveWords:
     def finish(self, _: int | None = None, /) -> None:
         """Nothing more comes."""
         numbers = self.relation.telegrams
-        beside_pkw = bool(numbers) and all(telegrams()[each].pkw for each in numbers)
+        beside_pkw = bool(numbers) and all(drive_telegrams()[each].pkw for each in numbers)
         self.recorder.finish(beside_pkw or self.relation.is_bus)
         self._prove()
         self.recorder.operation.finish()
@@ -451,7 +451,7 @@ class CyclicChannels:
             bytes.fromhex(mac.replace(":", "")) for mac in (asked.controller_mac, device_mac)
         )
         self._drop(output, input_, response.frame, connect.frame_lengths())
-        for found in channels(connect):
+        for found in channels(connect, vendor_id):
             if found.channel not in self._wanted:
                 continue
             if len(self._relations) >= self._bounds.relations:
@@ -806,7 +806,7 @@ def _shape(relation: CyclicRelation) -> tuple[object, ...]:
 
 def _is_speed(numbers: tuple[int, ...]) -> bool | None:
     """Whether the word behind STW1 is a speed in all of these telegrams; None where some have another word."""
-    known = {telegrams()[number].out[1].startswith(_SPEED) for number in numbers}
+    known = {drive_telegrams()[number].out[1].startswith(_SPEED) for number in numbers}
     return known.pop() if len(known) == 1 else None
 
 

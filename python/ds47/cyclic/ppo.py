@@ -115,7 +115,7 @@ def relations(
         for each, role in zip(configuration.modules, configuration.roles, strict=True)
         if role == dp.PZD and each.outputs and each.inputs
     ]
-    telegrams = fitting_telegrams(words, pkw=dp.PKW in configuration.roles)
+    telegrams = fitting_telegrams(words, vendor_id, pkw=dp.PKW in configuration.roles)
     for module, role in zip(configuration.modules, configuration.roles, strict=True):
         lengths = [0 if area is None else area.length for area in (module.outputs, module.inputs)]
         if role is not None:

@@ -16,7 +16,7 @@ from ds47.cyclic.pkw import LENGTH
 from ds47.model import LENGTHS, NAMED, ODD, REFUTED
 from ds47.profidrive.dictionary import family_of
 from ds47.profinet.connect import Connect, Data, Submodule
-from ds47.spec.cyclic import telegrams
+from ds47.spec.cyclic import PzdTelegram, drive_telegrams, size
 
 _LEAST_PZD = 4
 _PPO = ((12, 12), (20, 20))
@@ -159,19 +159,23 @@ class Found(NamedTuple):
     telegrams: tuple[int, ...]
 
 
-def channels(connect: Connect) -> Iterator[Found]:
+def channels(connect: Connect, vendor_id: int | None) -> Iterator[Found]:
     """What may be a channel of a drive in the data that a Connect sets up.
 
     PKW: eight bytes beside process data in one slot; or twelve or twenty in one submodule, as PPO1 and PPO2 have
-    them. PZD: what stands beside or behind them, or has the lengths of a telegram.
+    them. PZD: what stands beside or behind them, or has the lengths of a telegram, whosever it is.
+
+    Args:
+        connect: what it sets up.
+        vendor_id: of the device, None where nothing says it. Only telegrams that its maker has are named.
     """
     both = [each for each in connect.submodules if _fits(each.input) and _fits(each.output)]
     both.sort(key=lambda each: (each.api, each.slot, each.subslot))
     for _, slot in groupby(both, key=lambda each: (each.api, each.slot)):
-        yield from _of_slot(list(slot))
+        yield from _of_slot(list(slot), vendor_id)
 
 
-def _of_slot(there: list[Submodule]) -> Iterator[Found]:
+def _of_slot(there: list[Submodule], maker: int | None) -> Iterator[Found]:
     pzd = [lengths for each in there if min(lengths := _lengths(each)) >= _LEAST_PZD]
     words = (LENGTH, LENGTH)
     others = (
@@ -180,15 +184,16 @@ def _of_slot(there: list[Submodule]) -> Iterator[Found]:
     for each in there:
         lengths = _lengths(each)
         if lengths == words and others:
-            yield Found(model.PKW, each, 0, fitting_telegrams(others, pkw=True))
+            yield Found(model.PKW, each, 0, fitting_telegrams(others, maker, pkw=True))
             continue
         if lengths in _PPO:
             rest = (lengths[0] - LENGTH, lengths[1] - LENGTH)
-            yield Found(model.PKW, each, 0, fitting_telegrams([rest], pkw=True))
-            yield Found(model.PZD, each, LENGTH, fitting_telegrams([rest], pkw=True))
-        known = fitting_telegrams([lengths], pkw=bool(others))
-        if known or (others and min(lengths) >= _LEAST_PZD):
-            yield Found(model.PZD, each, 0, known)
+            yield Found(model.PKW, each, 0, fitting_telegrams([rest], maker, pkw=True))
+            yield Found(model.PZD, each, LENGTH, fitting_telegrams([rest], maker, pkw=True))
+        may_be = (others and min(lengths) >= _LEAST_PZD) or any(_rows([lengths], bool(others)))
+        if may_be:
+            numbers = fitting_telegrams([lengths], maker, pkw=bool(others))
+            yield Found(model.PZD, each, 0, numbers)
 
 
 def _fits(data: Data | None) -> bool:
@@ -204,22 +209,30 @@ def _lengths(submodule: Submodule) -> tuple[int, int]:
     return submodule.output.length, submodule.input.length
 
 
-def fitting_telegrams(lengths: list[tuple[int, int]], pkw: bool) -> tuple[int, ...]:
-    """The telegrams, with or without PKW, with process data of one of these lengths (output, input)."""
-    return tuple(
-        row.number for each in lengths for row in telegrams().values()
-        if row.pkw == pkw and (_size(row.out), _size(row.inward)) == each
-    )  # fmt: skip
+def fitting_telegrams(
+    lengths: list[tuple[int, int]], vendor_id: int | None, pkw: bool
+) -> tuple[int, ...]:
+    """The telegrams that a maker has, with or without PKW, with process data of one of these lengths.
+
+    Args:
+        lengths: bytes, output and input.
+        vendor_id: the maker, None where nothing says it: a number above those of the profile is somebody's.
+        pkw: whether PKW stands beside or before it.
+    """
+    return tuple(row.number for row in _rows(lengths, pkw) if row.is_of(vendor_id))
+
+
+def _rows(lengths: list[tuple[int, int]], pkw: bool) -> Iterator[PzdTelegram]:
+    """The telegrams of drives of any maker with these lengths."""
+    for each in lengths:
+        for row in drive_telegrams().values():
+            if row.pkw == pkw and row.sizes == each:
+                yield row
 
 
 def sizes() -> set[tuple[int, int]]:
-    """Bytes of process data, out and in, that telegrams have."""
-    return {(_size(row.out), _size(row.inward)) for row in telegrams().values()}
-
-
-def _size(words: tuple[str, ...]) -> int:
-    """Bytes of the words of a telegram."""
-    return sum(4 if word.endswith("(2)") else 2 for word in words)
+    """Bytes of process data, out and in, that telegrams of drives have."""
+    return {row.sizes for row in drive_telegrams().values()}
 
 
 def side(data: Data, source: str, channel: str = model.PKW, offset: int = 0) -> CyclicSide:
@@ -241,5 +254,5 @@ def offset_of(word: str, telegram_numbers: tuple[int, ...]) -> int | None:
     """The offset of a word in the drive's data, if only one telegram is possible and has the word; else None."""
     if len(telegram_numbers) != 1:
         return None
-    words = telegrams()[telegram_numbers[0]].inward
-    return _size(words[: words.index(word)]) if word in words else None
+    words = drive_telegrams()[telegram_numbers[0]].inward
+    return size(words[: words.index(word)]) if word in words else None

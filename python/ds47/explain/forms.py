@@ -8,14 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ds47 import spec
-from ds47.spec import explanations
+from ds47.spec import cyclic, explanations
 
 BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
-PARAMETER, FAULT, ALARM = "parameter", "fault", "alarm"
+PARAMETER, FAULT, ALARM, TELEGRAM = "parameter", "fault", "alarm", "telegram"
 MESSAGES = {"F": FAULT, "A": ALARM}
 """The letters in front of the numbers of faults and alarms."""
-CYCLIC = ("stw1", "zsw1")
-"""Kinds of the control word and the status word of cyclic frames."""
 
 _PREFIX = re.compile(r"(?:[BWD]{1,2}#)?16#|0X|&H|\$")
 _DECIMAL_PREFIX = re.compile(r"10#")
@@ -39,7 +37,7 @@ class UnknownFormError(ValueError):
 class Reading:
     """One number that a text may stand for.
 
-    `size`: a byte, a word, a status, or of what it is the number: rule, format, parameter, fault, alarm.
+    `size`: a byte, a word, a status, or of what it is the number: rule, format, parameter, fault, alarm, telegram.
     `decimal`: it was read as a decimal number.
     """
 
@@ -66,7 +64,7 @@ def read(text: str) -> Code:
     plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
     kind, digits = _split_kind(plain)
     code = digits.upper()
-    if kind in CYCLIC:
+    if kind in cyclic.bit_words():
         words = tuple(Reading(WORD, each) for each in word_values(digits))
         if not words:
             raise UnknownFormError(text)
@@ -99,10 +97,10 @@ def read(text: str) -> Code:
 
 
 def _drive_numbers(kind: str | None, code: str) -> Iterator[Reading]:
-    """Numbers that a drive gives its parameters, faults and alarms, as they are written: `R0945[0]`, `F07900`."""
+    """Numbers of parameters, faults, alarms and telegrams, as they are written: `R0945[0]`, `F07900`, `390`."""
     parameter = _PARAMETER.fullmatch(code) if kind in (None, PARAMETER) else None
     message = _MESSAGE.fullmatch(code)
-    plain = _WHOLE.fullmatch(code) if kind in (PARAMETER, FAULT, ALARM) else None
+    plain = _WHOLE.fullmatch(code) if kind in (PARAMETER, FAULT, ALARM, TELEGRAM) else None
     if parameter:
         size, digits = PARAMETER, parameter[1]
     elif message and kind in (None, MESSAGES[message[1]]):

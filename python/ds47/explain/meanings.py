@@ -10,17 +10,17 @@ from functools import partial
 from typing import Any
 
 from ds47 import spec
-from ds47.cyclic.pzd import missing, signed, state
+from ds47.explain import cyclic as said
 from ds47.explain.forms import (
     ALARM,
     BYTE,
-    CYCLIC,
     FAULT,
     FORMAT,
     MESSAGES,
     PARAMETER,
     RULE,
     STATUS,
+    TELEGRAM,
     WORD,
     Reading,
     UnknownFormError,
@@ -138,7 +138,7 @@ def _meanings(
     reading: Reading, kind: str | None, lang: str, vendor: Maker | None
 ) -> Iterator[CodeMeaning]:
     value = reading.value
-    if kind in CYCLIC:
+    if kind in cyclic.bit_words():
         yield _cyclic_word(str(kind), value, lang)
     elif kind in RETURNED or kind == S7_ERROR:
         if reading.size in (BYTE, WORD):
@@ -555,28 +555,28 @@ def _error(
 
 
 def _cyclic_word(name: str, value: int, lang: str) -> CodeMeaning:
-    """The control word or the status word: its bits, the state, and what is missing to the next one."""
-    words = explanations.words(lang)
+    """A word with known bits, of a drive, a control unit or an infeed."""
     code = f"16#{value:04X}"
-    if name == "stw1":
-        lacking = [row.zh if lang == "zh" else row.en for row in missing(value)]
-        needs = words["stw1_missing"].format(list=words["list_separator"].join(lacking))
-        title = words["stw1"].format(code=code, decimal=signed(value))
-        advice = needs if lacking else words["stw1_complete"]
-    else:
-        found = state(value)
-        step = cyclic.next_step(found.state, found.overlays, lang)
-        shown = cyclic.state_text(found.state, found.overlays, lang)
-        title = words["zsw1"].format(code=code, decimal=signed(value), state=shown)
-        advice = words["zsw1_next"].format(text=step) if step else words["zsw1_last"]
-    parts = tuple(
-        CodePart(str(row.bit), "", text)
-        for row in cyclic.bits(name)
-        if (text := row.said(value, lang))
-    )
-    entry = explanations.of_number(name, value) or explanations.of_unknown()
+    return _said(name, code, f"{name} {code}", said.word(name, value, lang), value, lang)
+
+
+def _telegram(number: int, lang: str) -> CodeMeaning:
+    """A telegram by its number."""
+    row = cyclic.telegrams().get(number)
+    return _said(
+        TELEGRAM, str(number), f"{explanations.kind_word(TELEGRAM)} {number}",
+        said.telegram(number, lang), number, lang, "telegram" if row and row.is_of_drive else "",
+    )  # fmt: skip
+
+
+def _said(
+    kind: str, code: str, name: str, what: said.Said, value: int, lang: str, filter_name: str = ""
+) -> CodeMeaning:
+    entry = explanations.of_number(kind, value) or explanations.of_unknown()
     return _meaning(
-        name, code, f"{name} {code}", title, True, entry, lang, rank="index", parts=parts, advice=advice
+        kind, code, name, what.title, what.known, entry, lang, rank="index", vendor=what.vendor,
+        parts=tuple(CodePart(*each) for each in what.parts), advice=what.advice,
+        filter_name=filter_name, values={"value": str(value)},
     )  # fmt: skip
 
 
@@ -688,7 +688,7 @@ def _rule(number: int, lang: str) -> CodeMeaning:
 
 
 _OF_ONE_MEANING: Mapping[str, Callable[[int, str], CodeMeaning]] = {
-    PARAMETER: _parameter, RULE: _rule,
+    PARAMETER: _parameter, RULE: _rule, TELEGRAM: _telegram,
     FAULT: partial(_message, FAULT), ALARM: partial(_message, ALARM),
 }  # fmt: skip
 """What is said about a number that can only be one thing."""

@@ -25,12 +25,17 @@ _RUN = 0x35
 
 @dataclass(frozen=True, slots=True)
 class LabModule:
-    """A submodule with as many bytes of data in both directions."""
+    """A submodule with so many bytes of data in both directions, or with `out` bytes from the controller."""
 
     slot: int
     subslot: int
     length: int
     ident: int = 0x4711
+    out: int | None = None
+
+    def size(self, kind: int) -> int:
+        """Bytes of data in a direction."""
+        return self.out if kind == OUTPUT and self.out is not None else self.length
 
 
 PKW, PZD = LabModule(2, 2, 8), LabModule(2, 3, 4)
@@ -70,18 +75,19 @@ class Cyclic:
             blocks += _block(0x8102, struct.pack(">HHH", kind, kind, frame_id))
         client.accept(call, OK, blocks)
 
-    def _offsets(self) -> list[tuple[LabModule, int]]:
+    def _offsets(self, kind: int) -> list[tuple[LabModule, int]]:
         """Where the data of each module begins; IOPS stands behind it."""
         found, at = [], 0
         for module in self.modules:
             found.append((module, at))
-            at += module.length + 1
+            at += module.size(kind) + 1
         return found
 
     @property
     def length(self) -> int:
         """Bytes of data in a frame: those of the modules, with IOPS and an IOCS of each, and padding."""
-        return max(_LEAST, sum(module.length + 2 for module in self.modules))
+        sides = (INPUT, OUTPUT)
+        return max(_LEAST, *(sum(each.size(kind) + 2 for each in self.modules) for kind in sides))
 
     def _relation(self, kind: int, frame_id: int) -> bytes:
         head = struct.pack(
@@ -89,9 +95,10 @@ class Cyclic:
             round(self.reduction), 1, 0, 0xFFFFFFFF, 3, 3, 0xC000, bytes(6), 1,
         )  # fmt: skip
         places = [
-            struct.pack(">HHH", module.slot, module.subslot, at) for module, at in self._offsets()
+            struct.pack(">HHH", module.slot, module.subslot, at)
+            for module, at in self._offsets(kind)
         ]
-        end = sum(module.length + 1 for module in self.modules)
+        end = sum(module.size(kind) + 1 for module in self.modules)
         states = [
             struct.pack(">HHH", module.slot, module.subslot, end + number)
             for number, module in enumerate(self.modules)
@@ -108,7 +115,7 @@ class Cyclic:
             for module in inside:
                 body += struct.pack(">HIH", module.subslot, module.ident, 3)
                 for kind in (INPUT, OUTPUT):
-                    body += struct.pack(">HHBB", kind, module.length, 1, 1)
+                    body += struct.pack(">HHBB", kind, module.size(kind), 1, 1)
             blocks += _block(0x0104, body)
         return blocks
 
@@ -131,7 +138,7 @@ class Cyclic:
         source, target = (host, device) if kind == OUTPUT else (device, host)
         frame_id = self.given if kind == OUTPUT else self.frame_ids[0]
         data = b"".join(
-            self.data.get((module, kind), b"").ljust(module.length, b"\0")
+            self.data.get((module, kind), b"").ljust(module.size(kind), b"\0")
             + bytes((self.iops[kind],))
             for module in self.modules
         )

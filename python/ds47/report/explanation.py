@@ -7,6 +7,7 @@ screen and begins with the answer.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 from typing import Final
 
 from ds47.explain import BlockOutputs, CodeMeaning, Reason
@@ -16,6 +17,7 @@ from ds47.spec import explanations
 WIDTH = 100
 _LABEL = 12
 _WITH_CAUSE = 2
+_TELEGRAM = "telegram"
 
 _LABELS: Final[Mapping[str, str]] = {
     "format": "names", "parameter": "values", "rule": "since",
@@ -49,10 +51,8 @@ def lines(meanings: Sequence[CodeMeaning], lang: str, width: int = WIDTH) -> Ite
 
 def _full(meaning: CodeMeaning, words: Mapping[str, str], width: int) -> Iterator[str]:
     yield from wrap(meaning.title, width, 2)
-    if meaning.parts:
-        parts = (" ".join(filter(None, (p.value, p.name, p.text))) for p in meaning.parts)
-        label = words[_LABELS.get(meaning.kind, "parts")]
-        yield from _labelled(label, words["part_separator"].join(parts), width)
+    for label, parts in _parts(meaning):
+        yield from _labelled(words[label], words["part_separator"].join(parts), width)
     for label, block in zip([words["plc"], "", ""], meaning.plc, strict=False):
         yield from _labelled(label, _block(block, words), width, 2)
     numbered = len(meaning.causes) > 1
@@ -68,6 +68,18 @@ def _full(meaning: CodeMeaning, words: Mapping[str, str], width: int) -> Iterato
     if meaning.plugin_filter:
         label = words["plugin_filter" if meaning.filter else "filter"]
         yield _label(label) + meaning.plugin_filter
+
+
+def _parts(meaning: CodeMeaning) -> Iterator[tuple[str, list[str]]]:
+    """The label and the parts of each line; those of a telegram by their direction."""
+    if meaning.kind != _TELEGRAM:
+        parts = [" ".join(filter(None, (p.value, p.name, p.text))) for p in meaning.parts]
+        if parts:
+            yield _LABELS.get(meaning.kind, "parts"), parts
+        return
+    for side, of_side in groupby(meaning.parts, key=lambda part: part.name.split()[0]):
+        places = ((part.name.partition(" ")[2], part.value, part.text) for part in of_side)
+        yield f"telegram_{side}", [" ".join(filter(None, each)) for each in places]
 
 
 def _cause(cause: Reason, words: Mapping[str, str]) -> str:

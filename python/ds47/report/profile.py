@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from ds47 import spec
 from ds47.model import Parameter, Value
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.escaping import quoted
@@ -16,6 +17,8 @@ from ds47.spec import cyclic
 _PROFILES = {0x03: "profile_profidrive", 0x3D: "profile_of_encoders"}
 NUMBERS = frozenset((922, 964, 965, 974, 975, 61000, 61001, 61002, 61003, 61004))
 """Parameters whose values are explained here."""
+_SIEMENS = (spec.SINAMICS, spec.MICROMASTER)
+"""Families of the only maker whose telegrams are known."""
 _MOST_NAME = 240
 """Characters of a name of station."""
 
@@ -32,7 +35,7 @@ def meaning(item: Parameter) -> Both | None:
         found = list(_elements(item.pnu, item.subindex, item.values))
         return joined(found) if found else None
     if item.pnu == 922:
-        return _telegram(item.values[0])
+        return _telegram(item.values[0], item.family)
     if item.pnu == 965:
         return _profile(item.values)
     return _address(item.pnu, item.values[0])
@@ -93,13 +96,13 @@ def _date(year: Value, ddmm: Value) -> Both | None:
     return Both.same(f"{year}-{month:02}-{day:02}")
 
 
-def _telegram(value: Value) -> Both | None:
-    """The name of a telegram, and its words where they are known."""
+def _telegram(value: Value, family: str | None) -> Both | None:
+    """The name of a telegram, and its words where they are known; those of a maker on its drives alone."""
     if not _is_number(value) or not 0 < int(value) < 999:
         return None
     shown = say("profile_standard" if int(value) < 100 else "profile_own", n=str(value))
     known = cyclic.telegrams().get(int(value))
-    if known is None:
+    if known is None or not known.is_known or (known.vendor is not None and family not in _SIEMENS):
         return shown
     words = f"{' '.join(known.out)} / {' '.join(known.inward)}"
     return shown.joined(Both.same(words), ": ", "：")

@@ -1,11 +1,11 @@
-"""The tables of the cyclic channels as Python objects: PKW (spec/pkw.toml) and PZD (spec/pzd.toml).
+"""The tables of the cyclic channels as Python objects: pkw.toml, pzd.toml and telegrams.toml.
 
 Loading and lookup only; words are decoded in `ds47.cyclic`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from types import MappingProxyType
 
@@ -107,12 +107,44 @@ class Edge(Row):
 
 
 class PzdTelegram(Row):
-    """The words of a telegram after its PKW words, if any; "(2)" marks a double word."""
+    """The words of a telegram after its PKW words, if any; "(2)" marks a double word, "(4)" two of them.
+
+    Without words no source has them. `unordered`: these are the words, and the place of each is not known.
+    `vendor` is the PROFINET vendor id of whose the number is, None of a standard telegram.
+    """
 
     number: int
-    out: tuple[str, ...]
-    inward: tuple[str, ...]
+    en: str
+    zh: str
+    sources: tuple[str, ...]
+    """What it was read in, in words."""
+    out: tuple[str, ...] = ()
+    inward: tuple[str, ...] = ()
     pkw: bool = False
+    unordered: bool = False
+    vendor: int | None = None
+
+    @property
+    def is_known(self) -> bool:
+        """Whether its words are known, each in its place."""
+        return bool(self.out or self.inward) and not self.unordered
+
+    @property
+    def is_of_drive(self) -> bool:
+        """Whether its words are those of a drive: STW1 comes first."""
+        return self.is_known and self.out[:1] == (_STW1,)
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Bytes of its words, out and in."""
+        return size(self.out), size(self.inward)
+
+    def is_of(self, vendor_id: int | None) -> bool:
+        """Whether a device of this maker may have it."""
+        return self.vendor is None or self.vendor == vendor_id
+
+
+_STW1 = "STW1"
 
 
 @cache
@@ -202,11 +234,27 @@ def float_range() -> tuple[float, float]:
     return row["float_least"], row["float_most"]
 
 
+DRIVE_WORDS = ("stw1", "zsw1")
+"""The control word and the status word of a drive."""
+
+
+@cache
+def bit_words() -> tuple[str, ...]:
+    """The words with known bits: of drives, of control units, of infeeds."""
+    own = [name.lower() for name in _load("telegrams.toml")["words"]]
+    return (*DRIVE_WORDS, *(each for each in own if each in _load("telegrams.toml")))
+
+
 @cache
 def bits(word: str, family: str | None = None) -> tuple[Bit, ...]:
-    """The sixteen bits of "stw1" or "zsw1"; `family` is "micromaster", "positioning" or None."""
+    """The bits of a word, in order: sixteen of "stw1" and "zsw1", and those that words of other telegrams have.
+
+    Args:
+        word: one of `bit_words`.
+        family: "micromaster", "positioning" or None.
+    """
     found: dict[int, Bit] = {}
-    for row in _load("pzd.toml")[word]:
+    for row in _load("pzd.toml" if word in DRIVE_WORDS else "telegrams.toml")[word]:
         if row.get("family") in (None, family):
             found[row["bit"]] = Bit(**row)
     return tuple(found[bit] for bit in sorted(found))
@@ -272,14 +320,37 @@ def event_ids() -> tuple[str, ...]:
 
 @cache
 def telegrams() -> Mapping[int, PzdTelegram]:
-    """The telegrams with known words."""
-    rows = _load("pzd.toml")["telegram"]
-    return MappingProxyType({
-        row["number"]: PzdTelegram(
-            number=row["number"], out=tuple(row["out"]), inward=tuple(row["in"]), pkw=row.get("pkw", False)
-        )
-        for row in rows
-    })  # fmt: skip
+    """The telegrams that a source names, by their numbers."""
+    table = _load("telegrams.toml")
+    found = {}
+    for row in table["telegram"]:
+        words = {"out": tuple(row.get("out", ())), "inward": tuple(row.get("in", ()))}
+        rest = {name: value for name, value in row.items() if name not in ("out", "in", "sources")}
+        sources = tuple(table["sources"][each] for each in row["sources"])
+        found[row["number"]] = PzdTelegram(**rest, **words, sources=sources)
+    return MappingProxyType(found)
+
+
+@cache
+def drive_telegrams() -> Mapping[int, PzdTelegram]:
+    """Those of drives, whose words begin with STW1 and ZSW1."""
+    return MappingProxyType({n: row for n, row in telegrams().items() if row.is_of_drive})
+
+
+def bare(word: str) -> str:
+    """The name of a word of a telegram without the mark of more than one word."""
+    return word.partition("(")[0]
+
+
+def size(words: Iterable[str]) -> int:
+    """Bytes of words of a telegram."""
+    return sum(2 * int(each[-2]) if each.endswith(")") else 2 for each in words)
+
+
+def telegram_word(word: str, lang: str = "en") -> str:
+    """What a word of a telegram is, in "en" or "zh"; "" where nobody knows."""
+    row = _load("telegrams.toml")["words"].get(bare(word))
+    return "" if row is None else str(row["zh" if lang == "zh" else "en"])
 
 
 def full_scale(double: bool = False) -> int:
