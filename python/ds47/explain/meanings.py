@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 from ds47 import spec
 from ds47.cyclic.pzd import missing, signed, state
+from ds47.explain.answer import CodeMeaning, CodePart, answer
 from ds47.explain.forms import (
     ALARM,
     BYTE,
@@ -30,59 +31,6 @@ from ds47.profidrive.naming import spelling
 from ds47.spec import cyclic, explanations, s7
 from ds47.spec.explanations import Explanation
 from ds47.spec.statuses import status_hex, status_text
-
-
-@dataclass(frozen=True, slots=True)
-class CodePart:
-    """A part of a code: its value as text, where it stands, what it says."""
-
-    value: str
-    name: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class BlockOutputs:
-    """What WRREC or RDREC shows (`done` is VALID for RDREC); without a name a remark only."""
-
-    block: str
-    done: bool | None
-    busy: bool | None
-    error: bool | None
-    status: str | None
-    note: str
-
-
-@dataclass(frozen=True, slots=True)
-class Reason:
-    """A cause and how sure it is: documented, usual or unconfirmed."""
-
-    text: str
-    basis: str
-
-
-@dataclass(frozen=True, slots=True)
-class CodeMeaning:
-    """One thing that a code can mean, in one language; causes in the order of likelihood.
-
-    `known` is False where only the parts of the code have a meaning. `name` is the code in a form
-    that has this meaning alone (`ds47 explain NAME`).
-    """
-
-    kind: str
-    code: str
-    name: str
-    vendor: str | None
-    title: str
-    known: bool
-    parts: tuple[CodePart, ...]
-    plc: tuple[BlockOutputs, ...]
-    causes: tuple[Reason, ...]
-    advice: str | None
-    look: str
-    filter: str | None
-    plugin_filter: str | None
-    rank: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +148,7 @@ def _status(status: int, lang: str, word: int | None = None) -> CodeMeaning:
         view, known, filter_name = _sided(entry.plc, status), True, entry.filter
         filter_name = _sided(filter_name, status)
     entry = entry or explanations.of_unknown()
-    return _meaning(
+    return answer(
         "status", code, code, title, known, entry, lang, rank="status",
         parts=_status_parts(status, lang), view=view, shown=code,
         filter_name=filter_name, values=_status_values(status),
@@ -335,7 +283,7 @@ def _unknown_word(value: int, lang: str) -> CodeMeaning:
             names.decode.get(low) or names.access.get(low) or words["unknown_part"],
         ),
     )
-    return _meaning(
+    return answer(
         "word", code, code, f"{plain}{words['separator']}{words['unknown_word']}", False,
         explanations.of_unknown(), lang, rank="error_code", parts=parts, view="unknown",
     )  # fmt: skip
@@ -414,7 +362,7 @@ def _number(kind: str, value: int, lang: str) -> CodeMeaning:
         headline = entry.headline(lang).format(name=name, size=size)
         title = words[kind].format(code=code, decimal=shown, text=headline)
     alone = code if kind == "error_code" else f"{explanations.kind_word(kind)} {code}"
-    return _meaning(
+    return answer(
         kind, code, alone, title, known, entry, lang, rank=_rank_of(kind, value),
         parts=_other_names(value, words) if known and kind == FORMAT else (),
         filter_name=entry.filter or _FILTERS.get(kind, kind),
@@ -503,7 +451,7 @@ def _s7(value: int, lang: str) -> CodeMeaning:
     text, entry = _s7_text(value, lang), explanations.of_number(kind, value)
     unknown = words["unknown_s7" if wide else "unknown_error_text"]
     title = words[kind] if text else words[f"plain_{kind}"] + words["separator"] + unknown
-    meaning = _meaning(
+    meaning = answer(
         kind, code, f"{explanations.kind_word(S7_ERROR)} {code}",
         title.format(code=code, decimal=value, text=text, high=f"{value >> 8:02X}"), bool(text),
         entry if entry and text else explanations.of_unknown(), lang,
@@ -545,7 +493,7 @@ def _error(
     parts = (CodePart("", "", info),) if info else ()
     known = not entry.reserved and (maker is not None or value in spec.errors())
     alone = f"{explanations.kind_word('error')} {code}" + (f" --vendor {maker}" if maker else "")
-    return _meaning(
+    return answer(
         "error", code, alone, title, known, entry, lang, rank=rank, parts=parts,
         view="in_response", filter_name="error", values={"value": code.lower()}, vendor=maker,
     )  # fmt: skip
@@ -575,7 +523,7 @@ def _cyclic_word(name: str, value: int, lang: str) -> CodeMeaning:
         if (text := row.said(value, lang))
     )
     entry = explanations.of_number(name, value) or explanations.of_unknown()
-    return _meaning(
+    return answer(
         name, code, f"{name} {code}", title, True, entry, lang, rank="index", parts=parts, advice=advice
     )  # fmt: skip
 
@@ -597,7 +545,7 @@ def _parameter(number: int, lang: str) -> CodeMeaning:
     else:
         text = words["part_separator"].join(_listed(row, lang) for row in known)
         title = words["parameter"].format_map(values | {"text": text})
-    return _meaning(
+    return answer(
         PARAMETER, code, f"{explanations.kind_word(PARAMETER)} {number}", title, bool(known), entry, lang,
         rank=PARAMETER, filter_name=entry.filter, values=values, parts=_values(known, lang),
         advice=None if known else words["parameter_advice"].format_map(values),
@@ -646,7 +594,7 @@ def _message(kind: str, number: int, lang: str) -> CodeMeaning:
     title = words["fault"].format(
         code=code, decimal=number, hex=f"{number:04X}", text=entry.headline(lang)
     )
-    return _meaning(
+    return answer(
         kind, code, f"{explanations.kind_word(kind)} {number}", title, True, entry, lang, rank=FAULT,
         filter_name=entry.filter, values={"value": "945" if kind == FAULT else "2122"},
         advice=words["fault_advice"].format(code=code),
@@ -665,7 +613,7 @@ def _rule(number: int, lang: str) -> CodeMeaning:
         family = explanations.family(digit, lang) or words["no_family"]
         plain = words["plain_rule"].format(code=code)
         text = words["unknown_rule"].format(digit=digit, family=family)
-        return _meaning(
+        return answer(
             "rule", code, code, f"{plain}{words['separator']}{text}", False,
             explanations.of_unknown(), lang, rank="error_code", view="rule",
         )  # fmt: skip
@@ -679,7 +627,7 @@ def _rule(number: int, lang: str) -> CodeMeaning:
     kind = "rule_of_analyzer" if rule.analyzer_only else "rule"
     entry = explanations.of_number(kind, number) or explanations.of_unknown()
     cause = explanations.CodeCause(rule.cause, rule.cause_zh, "usual")
-    return _meaning(
+    return answer(
         "rule", code, code, title, True, entry, lang, rank="index", causes=(cause,),
         parts=tuple(CodePart(version, "", words["changed"]) for version in rule.changed),
         advice=rule.advice_zh if chinese else rule.advice,
@@ -692,56 +640,3 @@ _OF_ONE_MEANING: Mapping[str, Callable[[int, str], CodeMeaning]] = {
     FAULT: partial(_message, FAULT), ALARM: partial(_message, ALARM),
 }  # fmt: skip
 """What is said about a number that can only be one thing."""
-
-
-# Putting an answer together
-
-
-def _meaning(
-    kind: str,
-    code: str,
-    name: str,
-    title: str,
-    known: bool,
-    entry: Explanation,
-    lang: str,
-    *,
-    rank: str,
-    parts: tuple[CodePart, ...] = (),
-    view: str = "",
-    shown: str = "",
-    causes: Sequence[explanations.CodeCause] = (),
-    advice: str | None = None,
-    filter_name: str = "",
-    values: Mapping[str, str] | None = None,
-    vendor: str | None = None,
-) -> CodeMeaning:
-    rows = explanations.views(view or entry.plc)
-    templates = explanations.filters(filter_name) if filter_name else {}
-    filled = {key: text.format_map(values or {}) for key, text in templates.items()}
-    return CodeMeaning(
-        kind=kind,
-        code=code,
-        name=name,
-        vendor=vendor,
-        title=title,
-        known=known,
-        parts=parts,
-        plc=tuple(
-            BlockOutputs(
-                row.block,
-                row.done,
-                row.busy,
-                row.error,
-                shown if row.status == "" else row.status,
-                row.text(lang).format_map(values or {}),
-            )
-            for row in rows
-        ),
-        causes=tuple(Reason(each.text(lang), each.basis) for each in causes or entry.causes),
-        advice=advice,
-        look=entry.look(lang),
-        filter=filled.get("wireshark"),
-        plugin_filter=filled.get("plugin"),
-        rank=explanations.rank(rank),
-    )
