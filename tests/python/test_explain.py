@@ -33,13 +33,32 @@ SCREEN = 32
 CHINESE = re.compile(r"[\u4e00-\u9fff]")
 
 STATUS_CODES = sorted(spec.status().code)
+MS2 = (0xD1, 0xD7)
+"""Services of PROFIBUS alone: no protocol machine of PROFINET answers them."""
 ACCESS = sorted(spec.status().access)
 PROTOCOL = sorted(spec.status().protocol)
+CONNECTION = {
+    0x81813F02: ("no device with the configured station name", "站名"),
+    0x81813F03: ("several devices have the configured station name", "多台"),
+    0x81813F06: ("DCP Set failed", "DCP Set"),
+    0x81813F07: ("the IP address is used more than once", "重复"),
+    0xCF81FD0B: ("an alarm could not be handled", "报警"),
+    0xCF81FD0D: ("a partner gave it up itself", "主动放弃"),
+    0xCF81FD20: ("reset to factory settings by DCP", "恢复出厂设置"),
+    0xCF81FD24: ("no port offers the required speed", "端口"),
+    0xCF81FD28: ("did not report ready in time", "就绪"),
+    0xDEFE0102: ("PROFIBUS FMS", "FMS"),
+    0xDFFF0102: ("HART", "HART"),
+    0xD1FE0102: ("PROFIBUS FMS (FE) or of HART (FF)", "HART"),
+    0xD180B000: ("Data transport (PROFIBUS) refused: access: invalid index", "数据传输"),
+    0xD780C200: ("Initiate (PROFIBUS) refused: resource: busy", "发起连接"),
+}
 STATUSES = [
     *(code << 24 | 0x80 << 16 | first << 8 for code in STATUS_CODES for first in ACCESS),
-    *(code << 24 | 0x81 << 16 | first << 8 for code in STATUS_CODES for first in PROTOCOL),
+    *(code << 24 | 0x81 << 16 | first << 8 for code in STATUS_CODES if code not in MS2 for first in PROTOCOL),
+    *(code << 24 | decode << 16 | 0x0102 for code in (*MS2, 0xDE, 0xDF) for decode in (0xFE, 0xFF)),
     *(code << 24 | 0x82 << 16 | 0x1234 for code in (0xDE, 0xDF)),
-    0xCF81FD05, 0xCF81FD06, 0xCF81FD25,
+    0xCF81FD05, 0xCF81FD06, 0xCF81FD25, *CONNECTION,
 ]  # fmt: skip
 S7 = ["00700000", "00700100", "00700200", "7000", "7001", "7002", "16#0070_0200", "0x700200"]
 S7 += [
@@ -262,6 +281,13 @@ def test_every_status_of_the_tables_is_known(lang: str) -> None:
         assert meaning.kind == "status"
         assert [part.value for part in meaning.parts] == re.findall("..", code)
         assert meaning.filter.startswith(f"pn_io.error_code == 0x{code[:2].lower()}")
+
+
+@pytest.mark.parametrize(("status", "wanted"), CONNECTION.items(), ids=lambda item: str(item)[:10])
+def test_words_of_connections_and_of_profibus(status: int, wanted: tuple[str, str]) -> None:
+    for lang, text in zip(LANGUAGES, wanted, strict=True):
+        (meaning,) = explain(f"{status:08X}", lang)
+        assert text in meaning.title
 
 
 @pytest.mark.parametrize("vendor", [None, *(each.name for each in spec.vendors())])
