@@ -203,8 +203,7 @@ def test_what_is_no_code_is_refused(text: str, capsys: pytest.CaptureFixture[str
         status, out, err = run(capsys, "--lang", lang, text)
         assert (status, out) == (2, "")
         assert len(err.splitlines()) == 1
-        assert "DE80B500" in err
-        assert "DE80B500" in err
+        assert "DE80B500" in err or "ds47 params show" in err
 
 
 # ----------------------------------------------------------------------------------- completeness
@@ -371,13 +370,25 @@ NAMED = (None, "SINAMICS", "ABB", "KEB", "SEW")
                  ("error", "0x82", "ABB"), ("error", "0x82", "SEW")]),
         ("107", [("error", "0x6B", "SINAMICS"), ("error", "0x6B", "KEB")]),
         ("20", [("error", "0x20", None), ("error", "0x14", None), ("error", "0x14", "KEB"),
-                ("attribute", "0x20", None), ("format", "0x20", None)]),
+                ("block_output", "GET 20", None), ("attribute", "0x20", None),
+                ("format", "0x20", None)]),
         ("47", [("index", "0x2F", None), ("index", "0x47", None)]),
         ("16#44", [("format", "0x44", None)]),
-        ("16#80B5", [("status", "DE80B500", None), ("status", "DF80B500", None)]),
+        ("16#80B5", [("status", "DE80B500", None), ("status", "DF80B500", None),
+                     ("record_data", "0x80B5", None)]),
         ("16#80B1", [("status", "DE80B100", None), ("status", "DF80B100", None),
-                     ("status", "C080B100", None)]),
-        ("8093", [("status", "C0809300", None)]),
+                     ("status", "C080B100", None), ("consistent_data", "0x80B1", None),
+                     ("record_data", "0x80B1", None)]),
+        ("8093", [("status", "C0809300", None), ("consistent_data", "0x8093", None),
+                  ("record_data", "0x8093", None)]),
+        ("8402", [("block_output", "SINA_POS 16#8402", None), ("s7_error", "0x8402", None),
+                  ("status", "C0840200", None)]),
+        ("7002", [("status", "00700200", None), ("block_output", "SINA_POS 16#7002", None),
+                  ("record_data", "0x7002", None)]),
+        ("25", [("error", "0x19", None), ("block_output", "GET 25", None), ("format", "0x25", None)]),
+        ("3", [("error", "0x03", None), ("block_output", "BSEND 3", None),
+               ("block_output", "SINA_PARA 16#0003", None), ("format", "0x03", None),
+               ("s7_item", "0x03", None)]),
         ("0x0000006B", [("error", "0x6B", "SINAMICS"), ("error", "0x6B", "KEB"),
                         ("format", "0x6B", None)]),
         ("DS410", [("rule", "DS410", None)]),
@@ -667,7 +678,9 @@ def test_what_a_system_function_does_not_return() -> None:
     (meaning, *_) = explain("SFC14 8123")
     assert not meaning.known
     assert "RET_VAL 0x8123" in meaning.title
-    assert all(each.kind == "status" for each in explain("80B1")), "a bare word stays what it was"
+    assert meaning.title.endswith("near: 80C0, 80C1, 80C2")
+    kinds = [each.kind for each in explain("80B1")]
+    assert kinds == ["status"] * 3 + ["consistent_data", "record_data"], "a bare word is both"
 
 
 def test_lengths_of_ppo_are_told_where_the_length_is_wrong() -> None:
@@ -934,9 +947,9 @@ def test_return_codes_of_items_of_s7(lang: str) -> None:
 @pytest.mark.parametrize(("lang", "other"), [("en", "tables"), ("zh", "表中")])
 def test_an_error_word_of_s7_that_no_table_has_is_named_one(lang: str, other: str) -> None:
     """`decode --as s7` prints such a word; it may be another one, too, so that comes first."""
-    for code in ("D6FF", "EF01"):
-        unknown, meaning = explain(code, lang)
-        assert (unknown.kind, meaning.kind, meaning.known) == ("word", "s7_error", False)
+    for code, first in (("D6FF", "stw1"), ("EF01", "word")):
+        unknown, *_, meaning = explain(code, lang)
+        assert (unknown.kind, meaning.kind, meaning.known) == (first, "s7_error", False)
         assert "S7" in meaning.title
         assert code[:2] in meaning.title.rpartition(other)[2]
     assert [each.kind for each in explain("D201", lang)] == ["s7_error"]

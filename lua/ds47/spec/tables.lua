@@ -2305,6 +2305,7 @@ M.explain.plc = {
   ["local"] = {{block = "WRREC", done = false, busy = false, error = true, status = "", en = "if it was called, for one call", zh = "若调用的是它，仅一次调用内"}, {block = "RDREC", valid = false, busy = false, error = true, status = "", en = "if it was called, for one call", zh = "若调用的是它，仅一次调用内"}},
   index = {{en = "INDEX of WRREC and RDREC, the same for both; a wrong one ends with ERROR 1 and STATUS 16#DF80B000 or 16#DE80B000", zh = "WRREC 和 RDREC 的 INDEX，两者相同；错误时以 ERROR 1 和 STATUS 16#DF80B000 或 16#DE80B000 结束"}},
   cyclic_word = {{en = "the word at the drive's first PZD address, as hex or as a number with or without sign", zh = "驱动器第一个 PZD 地址处的字，显示为十六进制，或带符号、不带符号的数"}},
+  pkw = {{en = "the word at the drive's first PKW address (PKE): 4 bits request or answer, 1 bit of its own, 11 bits parameter number", zh = "驱动器第一个 PKW 地址处的字（PKE）：4 位任务或应答标识、1 位单独的位、11 位参数号"}},
   address = {{en = "a byte that the program writes into RECORD of WRREC, the first one of each parameter address (byte 4, 10, ...)", zh = "程序写入 WRREC 的 RECORD 的一个字节，即每个参数地址的第一个字节（字节 4、10……）"}},
   parameter = {{en = "two bytes in RECORD of WRREC, the highest first, in each parameter address (bytes 6 and 7 for the first parameter): 16#{hex}", zh = "WRREC 的 RECORD 中每个参数地址的两个字节，高字节在前（第一个参数为字节 6 和 7）：16#{hex}"}},
   fault = {{en = "the number without its letter, as a value in RECORD of RDREC, or in FAULT_CODE of a telegram that has it", zh = "不带字母的编号：RDREC 的 RECORD 中的数值，或含有 FAULT_CODE 的报文中的该字"}},
@@ -2319,6 +2320,8 @@ M.explain.plc = {
   rule = {{en = "no output of a block: the program that analyses the capture reports it", zh = "不是块的输出：由分析抓包的程序报告"}},
 }
 M.explain.filters = {
+  s7 = {wireshark = "s7comm"},
+  pzd = {plugin = "ds47.pzd.zsw1"},
   s7_error = {wireshark = "s7comm.param.errcod == {code} || (s7comm.header.errcls == 0x{high} && s7comm.header.errcod == 0x{low})"},
   s7_item = {wireshark = "s7comm.data.returncode == {code}"},
   status = {wireshark = "pn_io.error_code == {code} && pn_io.error_decode == {decode} && pn_io.error_code1 == {code1}"},
@@ -2342,7 +2345,7 @@ M.explain.inputs = {
   unknown_en = "see the declaration of the block",
   unknown_zh = "见块的声明",
 }
-M.explain.ranks = {error = 9, vendor_error = 10, vendor_range = 20}
+M.explain.ranks = {error = 10, vendor_error = 11, vendor_range = 22}
 M.explain.error_word = "error"
 M.explain.ranges = {
   SINAMICS = {},

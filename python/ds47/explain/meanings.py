@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 from ds47 import spec
-from ds47.cyclic.pzd import missing, signed, state
+from ds47.explain import blocks
 from ds47.explain.answer import CodeMeaning, CodePart, answer
+from ds47.explain.cyclic_words import cyclic_word, likely, pkw
 from ds47.explain.forms import (
     ALARM,
     BYTE,
@@ -20,6 +22,7 @@ from ds47.explain.forms import (
     FORMAT,
     MESSAGES,
     PARAMETER,
+    PKW,
     RULE,
     STATUS,
     WORD,
@@ -28,7 +31,8 @@ from ds47.explain.forms import (
     read,
 )
 from ds47.profidrive.naming import spelling
-from ds47.spec import cyclic, explanations, s7
+from ds47.spec import blocks as spec_blocks
+from ds47.spec import explanations, s7
 from ds47.spec.explanations import Explanation
 from ds47.spec.statuses import status_hex, status_text
 
@@ -67,6 +71,9 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Co
     Raises:
         UnknownFormError: the text is not a code.
     """
+    asked = blocks.asked(text)
+    if asked is not None:
+        return _of_block(asked, lang, vendor, text)
     code = read(text)
     found: dict[tuple[str, str, str | None], CodeMeaning] = {}
     for reading in code.readings:
@@ -74,6 +81,11 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Co
             found.setdefault((meaning.kind, meaning.code, meaning.vendor), meaning)
     if not found:  # a word in front that does not go with the number
         raise UnknownFormError(text)
+    if code.kind is None and not any(each.known for each in found.values()):
+        guesses = (*likely(code.readings, lang), *blocks.both_words(code.readings, lang))
+        if guesses:
+            rest = (each for each in found.values() if each.kind == S7_ERROR)
+            found = {(each.kind, each.code, None): each for each in (*guesses, *rest)}
     far = {f"0x{each.value:04X}" for each in code.readings if each.decimal and each.size == WORD}
     some, bare = any(each.known for each in found.values()), code.text.isdigit()
     kept = [each for each in found.values() if each.known or not some or each.code not in far]
@@ -82,12 +94,47 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Co
     )
 
 
+def _of_block(asked: blocks.Asked, lang: str, vendor: Maker | None, text: str) -> list[CodeMeaning]:
+    """All that a number can mean at the outputs of a block that may have it."""
+    found: list[CodeMeaning] = []
+    for output in asked.outputs:
+        if output.reads in (blocks.CODE, blocks.ACCESS):
+            found += blocks.meanings(asked, output, lang)
+        else:
+            with suppress(UnknownFormError):
+                found += _of_output(asked, output, lang, vendor)
+    known = [each for each in found if each.known]
+    if not found:
+        raise UnknownFormError(text)
+    return sorted(known, key=lambda each: each.rank == explanations.rank("block_else")) or found[:1]
+
+
+def _of_output(
+    asked: blocks.Asked, output: spec_blocks.Output, lang: str, vendor: Maker | None
+) -> Iterator[CodeMeaning]:
+    """What a number means at an output that hands on that of another block or of the drive."""
+    service, words = asked.block.service, spec_blocks.words(lang)
+    word, value = explanations.kind_word(output.reads), asked.value
+    found = explain(f"{word} {value}", lang, vendor)
+    if output.decimal and value.isdigit():  # an INT, which a watch table shows so
+        found = list(dict.fromkeys([*explain(f"{word} 10#{value}", lang, vendor), *found]))
+    others = {0xDE, 0xDF} - {service} if service is not None else set()
+    own = [each for each in found if int(each.code[:2], 16) not in others] if others else found
+    for each in own or found:
+        title = words["of_output"].format(
+            blocks=asked.block.name, output=output.name, text=each.title
+        )
+        yield each if service is not None else replace(each, title=title)
+
+
 def _meanings(
     reading: Reading, kind: str | None, lang: str, vendor: Maker | None
 ) -> Iterator[CodeMeaning]:
     value = reading.value
-    if kind in CYCLIC:
-        yield _cyclic_word(str(kind), value, lang)
+    if kind is None:
+        yield from blocks.alone(reading, lang)
+    if kind in _CYCLIC:
+        yield _CYCLIC[kind](value, lang)
     elif kind in RETURNED or kind == S7_ERROR:
         if reading.size in (BYTE, WORD):
             yield _s7(value, lang) if kind == S7_ERROR else _number(str(kind), value, lang)
@@ -100,17 +147,27 @@ def _meanings(
             yield _status(value, lang)
             yield from _without_first_byte(value, lang)
     elif reading.size == WORD:
-        errors = [*_wide_errors(value, kind, lang, vendor), *_s7_error(reading, kind, lang)]
-        yield from errors
-        if kind in (None, "status", "index"):
-            known = any(each.known for each in errors)
-            yield from (each for each in _word(value, kind, lang) if each.known or not known)
+        yield from _of_word(reading, kind, lang, vendor)
     elif reading.decimal and kind is None:
         yield from _decimal_byte(value, lang, vendor)
     else:
         yield from _byte(value, kind, lang, vendor)
         if kind is None and value in s7.codes("return_code"):
             yield _behind(_s7(value, lang))
+
+
+def _of_word(
+    reading: Reading, kind: str | None, lang: str, vendor: Maker | None
+) -> Iterator[CodeMeaning]:
+    """A number of two bytes."""
+    value = reading.value
+    errors = [*_wide_errors(value, kind, lang, vendor), *_s7_error(reading, kind, lang)]
+    yield from errors
+    returned = list(_returned(value, lang)) if kind is None else []
+    yield from returned
+    if kind in (None, "status", "index"):
+        known = any(each.known for each in (*errors, *returned))
+        yield from (each for each in _word(value, kind, lang) if each.known or not known)
 
 
 # Statuses
@@ -256,6 +313,9 @@ def _word(value: int, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
             whole.append(0xC0)
         elif decode == 0x70 and explanations.of_local(0, decode, first, 0):
             whole.append(0x00)
+        elif decode in spec.status("en").code and first in _FOREIGN:
+            yield _half(value, lang)
+            return
     for code in whole:
         yield _status(code << 24 | value << 8, lang, value)
     entry = explanations.of_number("index", value) if kind != "status" else None
@@ -263,6 +323,17 @@ def _word(value: int, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
         yield _number("index", value, lang)
     elif not whole:
         yield _unknown_word(value, lang)
+
+
+_FOREIGN = (0xFE, 0xFF)
+"""ErrorDecode that says whose codes the other two bytes are: with the first byte it is an answer already."""
+
+
+def _half(value: int, lang: str) -> CodeMeaning:
+    """The first two bytes of a status."""
+    inner, words = _status(value << 16, lang), explanations.words(lang)
+    headline = inner.title.split(words["separator"], 1)[1]
+    return replace(inner, title=words["half"].format(word=f"{value:04X}", text=headline))
 
 
 def _unknown_word(value: int, lang: str) -> CodeMeaning:
@@ -284,7 +355,7 @@ def _unknown_word(value: int, lang: str) -> CodeMeaning:
         ),
     )
     return answer(
-        "word", code, code, f"{plain}{words['separator']}{words['unknown_word']}", False,
+        "word", code, code, plain + words["separator"] + words["unknown_word"].format(word=f"{value:04X}"), False,
         explanations.of_unknown(), lang, rank="error_code", parts=parts, view="unknown",
     )  # fmt: skip
 
@@ -356,6 +427,9 @@ def _number(kind: str, value: int, lang: str) -> CodeMeaning:
     if entry is None or not known:
         plain = words[f"plain_{kind}"].format(code=code, decimal=shown)
         title = f"{plain}{words['separator']}{words['unknown_error_text']}"
+        if kind in RETURNED:
+            near = (f"{each:04X}" for each in spec_blocks.near(explanations.numbers(kind), value))
+            title = words["near"].format(text=title, list=words["list_separator"].join(near))
         entry = explanations.of_unknown()
     else:
         size = _size(value, words) if kind == "format" else ""
@@ -435,6 +509,13 @@ def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[CodeMea
             yield from () if others else (_behind(meaning),)
 
 
+def _returned(value: int, lang: str) -> Iterator[CodeMeaning]:
+    """What system functions return: a number alone is more likely one of WRREC and RDREC."""
+    for kind in RETURNED:
+        if explanations.of_number(kind, value) is not None:
+            yield replace(_number(kind, value, lang), rank=explanations.rank("returned"))
+
+
 def _behind(meaning: CodeMeaning) -> CodeMeaning:
     """What S7 communication says comes last where it is the less likely meaning."""
     return replace(meaning, rank=explanations.rank("s7_else"))
@@ -496,35 +577,6 @@ def _error(
     return answer(
         "error", code, alone, title, known, entry, lang, rank=rank, parts=parts,
         view="in_response", filter_name="error", values={"value": code.lower()}, vendor=maker,
-    )  # fmt: skip
-
-
-# Words of cyclic frames
-
-
-def _cyclic_word(name: str, value: int, lang: str) -> CodeMeaning:
-    """The control word or the status word: its bits, the state, and what is missing to the next one."""
-    words = explanations.words(lang)
-    code = f"16#{value:04X}"
-    if name == "stw1":
-        lacking = [row.zh if lang == "zh" else row.en for row in missing(value)]
-        needs = words["stw1_missing"].format(list=words["list_separator"].join(lacking))
-        title = words["stw1"].format(code=code, decimal=signed(value))
-        advice = needs if lacking else words["stw1_complete"]
-    else:
-        found = state(value)
-        step = cyclic.next_step(found.state, found.overlays, lang)
-        shown = cyclic.state_text(found.state, found.overlays, lang)
-        title = words["zsw1"].format(code=code, decimal=signed(value), state=shown)
-        advice = words["zsw1_next"].format(text=step) if step else words["zsw1_last"]
-    parts = tuple(
-        CodePart(str(row.bit), "", text)
-        for row in cyclic.bits(name)
-        if (text := row.said(value, lang))
-    )
-    entry = explanations.of_number(name, value) or explanations.of_unknown()
-    return answer(
-        name, code, f"{name} {code}", title, True, entry, lang, rank="index", parts=parts, advice=advice
     )  # fmt: skip
 
 
@@ -635,6 +687,10 @@ def _rule(number: int, lang: str) -> CodeMeaning:
     )  # fmt: skip
 
 
+_CYCLIC: Mapping[str | None, Callable[[int, str], CodeMeaning]] = {
+    **{name: partial(cyclic_word, name) for name in CYCLIC}, PKW: pkw,
+}  # fmt: skip
+"""What is said about a word of cyclic frames that is named."""
 _OF_ONE_MEANING: Mapping[str, Callable[[int, str], CodeMeaning]] = {
     PARAMETER: _parameter, RULE: _rule,
     FAULT: partial(_message, FAULT), ALARM: partial(_message, ALARM),
