@@ -154,6 +154,12 @@ def test_a_word_that_may_be_two_outputs_names_both() -> None:
     assert titles[-1].endswith("access failed: parameter 1, 3")
 
 
+def test_sina_para_talks_to_no_other_drives() -> None:
+    assert {each.vendor for each in explain("error 6B")} == {"SINAMICS", "KEB"}
+    for text in ("SINA_PARA swErrorNo 6B", "SINA_PARA_S ErrorNo 16#6B", "SINA_PARA_S ErrorNo 107"):
+        assert [each.vendor for each in explain(text) if each.known] == ["SINAMICS"], text
+
+
 def test_of_a_call_only_what_it_can_show() -> None:
     assert {each.code[:2] for each in explain("RDREC 80B1")} == {"DE", "C0"}
     assert {each.code[:2] for each in explain("WRREC 80B1")} == {"DF", "C0"}

@@ -115,6 +115,7 @@ def _of_output(
     """What a number means at an output that hands on that of another block or of the drive."""
     service, words = asked.block.service, spec_blocks.words(lang)
     word, value = explanations.kind_word(output.reads), asked.value
+    vendor = vendor or (Maker(output.vendor) if output.vendor else None)
     found = explain(f"{word} {value}", lang, vendor)
     if output.decimal and value.isdigit():  # an INT, which a watch table shows so
         found = list(dict.fromkeys([*explain(f"{word} 10#{value}", lang, vendor), *found]))

@@ -33,6 +33,7 @@ class Output(Row):
     decimal: bool = False
     """Manuals count it in decimal."""
     only_named: bool = False
+    vendor: str | None = None
     filter: str = ""
     note_en: str = ""
     note_zh: str = ""
