@@ -33,13 +33,32 @@ SCREEN = 32
 CHINESE = re.compile(r"[\u4e00-\u9fff]")
 
 STATUS_CODES = sorted(spec.status().code)
+MS2 = (0xD1, 0xD7)
+"""Services of PROFIBUS alone: no protocol machine of PROFINET answers them."""
 ACCESS = sorted(spec.status().access)
 PROTOCOL = sorted(spec.status().protocol)
+CONNECTION = {
+    0x81813F02: ("no device with the configured station name", "站名"),
+    0x81813F03: ("several devices have the configured station name", "多台"),
+    0x81813F06: ("DCP Set failed", "DCP Set"),
+    0x81813F07: ("the IP address is used more than once", "重复"),
+    0xCF81FD0B: ("an alarm could not be handled", "报警"),
+    0xCF81FD0D: ("a partner gave it up itself", "主动放弃"),
+    0xCF81FD20: ("reset to factory settings by DCP", "恢复出厂设置"),
+    0xCF81FD24: ("no port offers the required speed", "端口"),
+    0xCF81FD28: ("did not report ready in time", "就绪"),
+    0xDEFE0102: ("PROFIBUS FMS", "FMS"),
+    0xDFFF0102: ("HART", "HART"),
+    0xD1FE0102: ("PROFIBUS FMS (FE) or of HART (FF)", "HART"),
+    0xD180B000: ("Data transport (PROFIBUS) refused: access: invalid index", "数据传输"),
+    0xD780C200: ("Initiate (PROFIBUS) refused: resource: busy", "发起连接"),
+}
 STATUSES = [
     *(code << 24 | 0x80 << 16 | first << 8 for code in STATUS_CODES for first in ACCESS),
-    *(code << 24 | 0x81 << 16 | first << 8 for code in STATUS_CODES for first in PROTOCOL),
+    *(code << 24 | 0x81 << 16 | first << 8 for code in STATUS_CODES if code not in MS2 for first in PROTOCOL),
+    *(code << 24 | decode << 16 | 0x0102 for code in (*MS2, 0xDE, 0xDF) for decode in (0xFE, 0xFF)),
     *(code << 24 | 0x82 << 16 | 0x1234 for code in (0xDE, 0xDF)),
-    0xCF81FD05, 0xCF81FD06, 0xCF81FD25,
+    0xCF81FD05, 0xCF81FD06, 0xCF81FD25, *CONNECTION,
 ]  # fmt: skip
 S7 = ["00700000", "00700100", "00700200", "7000", "7001", "7002", "16#0070_0200", "0x700200"]
 S7 += [
@@ -184,8 +203,7 @@ def test_what_is_no_code_is_refused(text: str, capsys: pytest.CaptureFixture[str
         status, out, err = run(capsys, "--lang", lang, text)
         assert (status, out) == (2, "")
         assert len(err.splitlines()) == 1
-        assert "DE80B500" in err
-        assert "DE80B500" in err
+        assert "DE80B500" in err or "ds47 params show" in err
 
 
 # ----------------------------------------------------------------------------------- completeness
@@ -262,6 +280,13 @@ def test_every_status_of_the_tables_is_known(lang: str) -> None:
         assert meaning.kind == "status"
         assert [part.value for part in meaning.parts] == re.findall("..", code)
         assert meaning.filter.startswith(f"pn_io.error_code == 0x{code[:2].lower()}")
+
+
+@pytest.mark.parametrize(("status", "wanted"), CONNECTION.items(), ids=lambda item: str(item)[:10])
+def test_words_of_connections_and_of_profibus(status: int, wanted: tuple[str, str]) -> None:
+    for lang, text in zip(LANGUAGES, wanted, strict=True):
+        (meaning,) = explain(f"{status:08X}", lang)
+        assert text in meaning.title
 
 
 @pytest.mark.parametrize("vendor", [None, *(each.name for each in spec.vendors())])
@@ -345,13 +370,25 @@ NAMED = (None, "SINAMICS", "ABB", "KEB", "SEW")
                  ("error", "0x82", "ABB"), ("error", "0x82", "SEW")]),
         ("107", [("error", "0x6B", "SINAMICS"), ("error", "0x6B", "KEB")]),
         ("20", [("error", "0x20", None), ("error", "0x14", None), ("error", "0x14", "KEB"),
-                ("attribute", "0x20", None), ("format", "0x20", None)]),
+                ("block_output", "GET 20", None), ("attribute", "0x20", None),
+                ("format", "0x20", None)]),
         ("47", [("index", "0x2F", None), ("index", "0x47", None)]),
         ("16#44", [("format", "0x44", None)]),
-        ("16#80B5", [("status", "DE80B500", None), ("status", "DF80B500", None)]),
+        ("16#80B5", [("status", "DE80B500", None), ("status", "DF80B500", None),
+                     ("record_data", "0x80B5", None)]),
         ("16#80B1", [("status", "DE80B100", None), ("status", "DF80B100", None),
-                     ("status", "C080B100", None)]),
-        ("8093", [("status", "C0809300", None)]),
+                     ("status", "C080B100", None), ("consistent_data", "0x80B1", None),
+                     ("record_data", "0x80B1", None)]),
+        ("8093", [("status", "C0809300", None), ("consistent_data", "0x8093", None),
+                  ("record_data", "0x8093", None)]),
+        ("8402", [("block_output", "SINA_POS 16#8402", None), ("s7_error", "0x8402", None),
+                  ("status", "C0840200", None)]),
+        ("7002", [("status", "00700200", None), ("block_output", "SINA_POS 16#7002", None),
+                  ("record_data", "0x7002", None)]),
+        ("25", [("error", "0x19", None), ("block_output", "GET 25", None), ("format", "0x25", None)]),
+        ("3", [("error", "0x03", None), ("block_output", "BSEND 3", None),
+               ("block_output", "SINA_PARA 16#0003", None), ("format", "0x03", None),
+               ("s7_item", "0x03", None)]),
         ("0x0000006B", [("error", "0x6B", "SINAMICS"), ("error", "0x6B", "KEB"),
                         ("format", "0x6B", None)]),
         ("DS410", [("rule", "DS410", None)]),
@@ -641,7 +678,9 @@ def test_what_a_system_function_does_not_return() -> None:
     (meaning, *_) = explain("SFC14 8123")
     assert not meaning.known
     assert "RET_VAL 0x8123" in meaning.title
-    assert all(each.kind == "status" for each in explain("80B1")), "a bare word stays what it was"
+    assert meaning.title.endswith("near: 80C0, 80C1, 80C2")
+    kinds = [each.kind for each in explain("80B1")]
+    assert kinds == ["status"] * 3 + ["consistent_data", "record_data"], "a bare word is both"
 
 
 def test_lengths_of_ppo_are_told_where_the_length_is_wrong() -> None:
@@ -908,9 +947,9 @@ def test_return_codes_of_items_of_s7(lang: str) -> None:
 @pytest.mark.parametrize(("lang", "other"), [("en", "tables"), ("zh", "表中")])
 def test_an_error_word_of_s7_that_no_table_has_is_named_one(lang: str, other: str) -> None:
     """`decode --as s7` prints such a word; it may be another one, too, so that comes first."""
-    for code in ("D6FF", "EF01"):
-        unknown, meaning = explain(code, lang)
-        assert (unknown.kind, meaning.kind, meaning.known) == ("word", "s7_error", False)
+    for code, first in (("D6FF", "stw1"), ("EF01", "word")):
+        unknown, *_, meaning = explain(code, lang)
+        assert (unknown.kind, meaning.kind, meaning.known) == (first, "s7_error", False)
         assert "S7" in meaning.title
         assert code[:2] in meaning.title.rpartition(other)[2]
     assert [each.kind for each in explain("D201", lang)] == ["s7_error"]

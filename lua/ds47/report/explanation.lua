@@ -14,6 +14,7 @@ local M = {}
 M.WIDTH = 100
 local LABEL = 12
 local WITH_CAUSE = 2
+local ONE_LINE = 140 -- columns of the line where nothing is known
 
 local function label(text) return "  " .. text .. (" "):rep(math.max(1, LABEL - formatting.width(text))) end
 
@@ -54,6 +55,17 @@ local function writer(lines, width)
   return self
 end
 
+-- Whether neither the number nor any part of it has a meaning: one line is enough.
+local function says_nothing(meanings, words)
+  for _, each in ipairs(meanings) do
+    if each.known then return false end
+  end
+  for _, part in ipairs(meanings[1].parts) do
+    if part.text ~= "" and part.text ~= words.unknown_part and part.text ~= words.second then return false end
+  end
+  return true
+end
+
 local function full(out, meaning, words)
   out.wrapped(meaning.title)
   local parts = mapped(meaning.parts, part_text)
@@ -82,6 +94,9 @@ end
 function M.lines(meanings, lang, width)
   local words, lines = tables.explain.words[lang == "zh" and "zh" or "en"], {}
   local out, others, empty = writer(lines, width or M.WIDTH), {}, {}
+  if says_nothing(meanings, words) then
+    return formatting.wrap(meanings[1].title, math.max(width or M.WIDTH, ONE_LINE), 2)
+  end
   full(out, meanings[1], words)
   if #meanings > 1 then out.add("") end
   for number = 2, #meanings do

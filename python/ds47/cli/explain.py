@@ -22,6 +22,9 @@ _OF_LISTS = ("parameter", "fault")
 """Kinds of meanings that lists may say more of."""
 _LONGEST = 5
 """Digits of the number of a fault or an alarm."""
+_LINE = 140 - len("ds47: error: ")
+_SHOWN = 24
+"""Characters of a text that is no code: the rest of it says no more."""
 
 
 @click.command(
@@ -31,6 +34,7 @@ _LONGEST = 5
     examples=(
         ("ds47 explain DE80B500", "a STATUS of WRREC or RDREC"),
         ("ds47 explain p1120 0x6B", "a parameter and an error number"),
+        ("ds47 explain SINA_POS 8402", "what a block shows"),
     ),
 )
 @click.argument("code", nargs=-1, required=True)
@@ -41,8 +45,9 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
     """Explain a status or code: DE80B500, 16#80B5, 00700200, 0x6B, 107, 82, DS410, REAL, p2900, F07900.
 
     Where a number means several things a word in front picks one, as in error 82: error, response, request,
-    attribute, format, index, status, parameter, fault, alarm, telegram, stw1, zsw1,
-    cu_stw1, cu_zsw1, e_stw1, e_zsw1, SFC14, SFC58, s7.
+    attribute, format, index, status, parameter, fault, alarm, telegram, stw1, zsw1, cu_stw1, cu_zsw1,
+    e_stw1, e_zsw1, pkw, SFC14, SFC58, s7.
+    So does a block, with or without its output: GET 2, SINA_PARA DiagId 80B5, SINA_POS 8402.
     Several codes are explained one after the other.
     A format may be given by its name, or by that of the type in a PLC: Float32, REAL.
     """
@@ -56,24 +61,47 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
 
 
 def _codes(words: Sequence[str], vendor: str | None, lang: str) -> list[str]:
-    """What is to be explained: all words together where that is a code (`error 82`), else one after the other."""
+    """What is to be explained: all words together where that is a code (`error 82`), else one after the other.
+
+    Words in front hold for the codes behind them: `GET 2 4 PUT 4` is `GET 2`, `GET 4`, `PUT 4`.
+    """
     text = " ".join(words)
-    several = len(words) > 1 and _is_code(words[0], lang)  # else it says what the others are
-    if not several or _is_code(text, lang):
+    if len(words) == 1 or _knows(text, lang):
         return [text]
+    parts = _parts(words, lang)
+    if _knows(text, lang, known=False) and not all(_knows(each, lang) for each in parts):
+        return [text]
+    for each in parts:
+        _explained(each, vendor, lang)
+    return parts
+
+
+def _parts(words: Sequence[str], lang: str) -> list[str]:
+    """One code after the other, each with the words in front of it; what is none comes last."""
+    found: list[str] = []
+    front: list[str] = []
+    ended = False
     for word in words:
-        _explained(word, vendor, lang)
-    return list(words)
+        code = " ".join([*front, word])
+        alone = ended and not _knows(code, lang) and _knows(word, lang)
+        if alone or _knows(code, lang, known=False):
+            found.append(word if alone else code)
+            front = [] if alone else front
+            ended = True
+        else:
+            front = [word] if ended else [*front, word]
+            ended = False
+    return found if ended else [*found, " ".join(front)]
 
 
-def _is_code(text: str, lang: str) -> bool:
+def _knows(text: str, lang: str, known: bool = True) -> bool:
+    """Whether a text is a code, and has a meaning where that is asked for."""
     from ds47.explain import UnknownFormError, explain
 
     try:
-        explain(text, lang)
+        return explain(text, lang)[0].known or not known
     except UnknownFormError:
         return False
-    return True
 
 
 def _print(text: str, vendor: str | None, lang: str, format_name: str) -> None:
@@ -148,9 +176,17 @@ def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
     try:
         return explain(text, lang, maker)
     except UnknownFormError as problem:
-        forms = explanations.forms(lang)
-        if not any(each.isdigit() for each in text):
-            from ds47.spec.shell import shell_word
+        raise click.ClickException(_unknown(text, explanations.forms(lang))) from problem
 
-            forms += f"; a parameter by its name: ds47 params show {shell_word(text)}"
-        raise click.ClickException(f"unknown code {text!r}. {forms}") from problem
+
+def _unknown(text: str, forms: str) -> str:
+    """What is said of a text that is no code, in a line of _LINE characters with what stands in front of it."""
+    from ds47.report.wrap import columns
+    from ds47.spec.shell import shell_word
+
+    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+    said = f"unknown code {shown!r}. {forms}"
+    named = f"; by name: ds47 params show {shell_word(text)}"
+    hint = any(each.isalpha() for each in text) and not any(each.isdigit() for each in text)
+    tries = (said + named, f"unknown code {shown!r}{named}") if hint else ()
+    return next((each for each in tries if columns(each) <= _LINE), said)

@@ -4,8 +4,9 @@ Two steps: `forms` turns a text into numbers, `meanings` looks the numbers up. P
 `ds47.spec`, no output; how what is found is laid out is `ds47.report.explanation`.
 """
 
+from ds47.explain.answer import BlockOutputs, CodeMeaning, Reason
 from ds47.explain.forms import Reading, UnknownFormError, read
-from ds47.explain.meanings import BlockOutputs, CodeMeaning, Reason, explain, find_vendor
+from ds47.explain.meanings import explain, find_vendor
 
 __all__ = [
     "BlockOutputs", "CodeMeaning", "Reading", "Reason", "UnknownFormError", "explain", "find_vendor", "read",

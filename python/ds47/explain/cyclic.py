@@ -1,12 +1,14 @@
-"""What words and telegrams of cyclic frames mean: titles, parts and advice for `ds47.explain.meanings`."""
+"""What words and telegrams of cyclic frames mean: the control word, the status word, PKW, and telegrams."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 from ds47 import spec
 from ds47.cyclic.pzd import missing, signed, state
+from ds47.explain.answer import CodeMeaning, CodePart, answer
+from ds47.explain.forms import PKW, TELEGRAM, WORD, Reading
 from ds47.spec import cyclic, explanations
 
 OUT, IN, SOURCE = "out", "in", "source"
@@ -14,20 +16,15 @@ OUT, IN, SOURCE = "out", "in", "source"
 _NEAR = 4
 
 
-class Said(NamedTuple):
-    """What is said of a word or a telegram; each part with its value, its place, and what it says."""
-
-    title: str
-    known: bool
-    parts: list[tuple[str, str, str]]
-    advice: str | None
-    vendor: str | None = None
+def named(name: str, value: int, lang: str) -> CodeMeaning:
+    """A word of cyclic frames whose name is given: the first one of PKW, or one of bits."""
+    return pkw(value, lang) if name == PKW else word(name, value, lang)
 
 
-def word(name: str, value: int, lang: str) -> Said:
+def word(name: str, value: int, lang: str) -> CodeMeaning:
     """A control word or a status word: its bits; of a drive the state, and what is missing to the next one."""
-    words = explanations.words(lang)
-    given = {"code": f"16#{value:04X}", "decimal": signed(value)}
+    words, code = explanations.words(lang), f"16#{value:04X}"
+    given = {"code": code, "decimal": signed(value)}
     advice = None
     if name == "stw1":
         lacking = [row.text(lang) for row in missing(value)]
@@ -43,28 +40,45 @@ def word(name: str, value: int, lang: str) -> Said:
     else:
         what = cyclic.telegram_word(name.upper(), lang)
         title = words["cyclic_word"].format_map(given | {"name": name.upper(), "text": what})
-    parts = [
-        (str(row.bit), "", text) for row in cyclic.bits(name) if (text := row.said(value, lang))
-    ]
-    return Said(title, True, parts, advice)
+    parts = tuple(
+        CodePart(str(row.bit), "", text)
+        for row in cyclic.bits(name)
+        if (text := row.said(value, lang))
+    )
+    entry = explanations.of_number(name, value) or explanations.of_unknown()
+    return answer(
+        name, code, f"{name} {code}", title, True, entry, lang, rank="index", parts=parts, advice=advice
+    )  # fmt: skip
 
 
-def telegram(number: int, lang: str) -> Said:
+def telegram(number: int, lang: str) -> CodeMeaning:
     """A telegram by its number: whose it is, what it is for, its words both ways, and where that was read."""
     words, row = explanations.words(lang), cyclic.telegrams().get(number)
     if row is None:
         key = "unknown_telegram" if number < _OWN else "unknown_own_telegram"
         near = words["list_separator"].join(map(str, _near(number)))
-        return Said(
-            words[key].format(n=number), False, [], words["near_telegrams"].format(list=near)
-        )
+        near = words["near_telegrams"].format(list=near)
+        return _telegram(number, words[key].format(n=number), lang, advice=near)
     makers = {each.id: each.name for each in spec.vendors() if each.id is not None}
     vendor = None if row.vendor is None else makers.get(row.vendor)
     key = "telegram" if vendor is None else "own_telegram"
     title = words[key].format(n=number, vendor=vendor, text=row.text(lang))
     parts = [*_words(OUT, row.out, row, lang), *_words(IN, row.inward, row, lang)]
-    parts += [("", SOURCE, each) for each in row.sources]
-    return Said(title, True, parts, _advice(row, lang), vendor)
+    parts += [CodePart("", SOURCE, each) for each in row.sources]
+    return _telegram(
+        number, title, lang, known=True, vendor=vendor, parts=tuple(parts), advice=_advice(row, lang),
+        filter_name="telegram" if row.is_of_drive else "",
+    )  # fmt: skip
+
+
+def _telegram(
+    number: int, title: str, lang: str, *, known: bool = False, **more: Any
+) -> CodeMeaning:
+    name = f"{explanations.kind_word(TELEGRAM)} {number}"
+    entry = explanations.of_number(TELEGRAM, number) or explanations.of_unknown()
+    return answer(
+        TELEGRAM, str(number), name, title, known, entry, lang, rank="index", values={"value": str(number)}, **more
+    )  # fmt: skip
 
 
 _OWN = 100
@@ -79,13 +93,13 @@ def _near(number: int) -> list[int]:
 
 def _words(
     side: str, names: tuple[str, ...], row: cyclic.PzdTelegram, lang: str
-) -> Iterator[tuple[str, str, str]]:
+) -> Iterator[CodePart]:
     """The words of a side, each with its places: `out 2-3`; without them where these are not known."""
     first = 1
     for name in names:
         last = first + cyclic.size((name,)) // 2 - 1
         place = "" if row.unordered else f" {first}" if first == last else f" {first}-{last}"
-        yield cyclic.bare(name), side + place, cyclic.telegram_word(name, lang)
+        yield CodePart(cyclic.bare(name), side + place, cyclic.telegram_word(name, lang))
         first = last + 1
 
 
@@ -101,3 +115,42 @@ def _advice(row: cyclic.PzdTelegram, lang: str) -> str | None:
 
 
 _FREE = 999
+
+
+_NEGATIVE = 0x8000
+"""From this word on an INT is negative: a positive decimal number is hardly a word of bits."""
+_CONTROL, _REQUESTED, _NO_OFF = 1 << 10, 1 << 9, 0b110
+_NOT_EXECUTED = 7
+
+
+def likely(readings: Iterable[Reading], lang: str) -> Iterator[CodeMeaning]:
+    """What a word that is nothing else looks like: a control word, a status word, the first word of PKW."""
+    for reading in readings:
+        value = reading.value
+        if reading.size != WORD or (reading.decimal and value < _NEGATIVE):
+            continue
+        shown = state(value)
+        if value & _CONTROL and value & _NO_OFF == _NO_OFF:
+            yield word("stw1", value, lang)
+        if value & _REQUESTED and shown.state != "not ready" and len(shown.overlays) < len(_OFF):
+            yield word("zsw1", value, lang)
+        if value >> 12 == _NOT_EXECUTED and value & _PKE_NUMBER:
+            yield pkw(value, lang)
+
+
+_OFF = ("OFF2", "OFF3")
+"""Both at once say that the drive is off, or that it is no status word."""
+_PKE_NUMBER = 0x07FF
+
+
+def pkw(value: int, lang: str) -> CodeMeaning:
+    """The first word of PKW: what it is as an answer, and as a request."""
+    words, code, ak = explanations.words(lang), f"16#{value:04X}", value >> 12
+    named = {"answer": cyclic.answers()[ak].text(lang), "request": cyclic.requests()[ak].text(lang)}
+    texts = {name: f"{ak}{words['bracket'].format(text=text)}" for name, text in named.items()}
+    title = words["pkw"].format(code=code, number=value & _PKE_NUMBER, **texts)
+    entry = explanations.of_number(PKW, value) or explanations.of_unknown()
+    return answer(
+        PKW, code, f"{PKW} {code}", title, True, entry, lang, rank="index",
+        advice=words["pkw_page"].format(word=f"{value:04X}"),
+    )  # fmt: skip

@@ -14,6 +14,8 @@ BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
 PARAMETER, FAULT, ALARM, TELEGRAM = "parameter", "fault", "alarm", "telegram"
 MESSAGES = {"F": FAULT, "A": ALARM}
 """The letters in front of the numbers of faults and alarms."""
+PKW = "pkw"
+"""The kind of the first word of PKW."""
 
 _PREFIX = re.compile(r"(?:[BWD]{1,2}#)?16#|0X|&H|\$")
 _DECIMAL_PREFIX = re.compile(r"10#")
@@ -64,7 +66,7 @@ def read(text: str) -> Code:
     plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
     kind, digits = _split_kind(plain)
     code = digits.upper()
-    if kind in cyclic.bit_words():
+    if kind == PKW or kind in cyclic.bit_words():
         words = tuple(Reading(WORD, each) for each in word_values(digits))
         if not words:
             raise UnknownFormError(text)
@@ -179,6 +181,11 @@ def word_values(text: str) -> list[int]:
         if code.isascii() and code.isdigit() and (not code.startswith("0") or code == "0"):
             found.insert(0, int(code))
     return [each for each in dict.fromkeys(found) if each is not None and each <= 0xFFFF]
+
+
+def numbers(text: str) -> list[tuple[int, bool]]:
+    """The numbers that a text may stand for, and whether it was read as a decimal one."""
+    return list(dict.fromkeys((each.value, each.decimal) for each in _numbers(text.upper())))
 
 
 def _whole(digits: str, base: int) -> int | None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 from ds47 import spec
-from ds47.explain import cyclic as said
+from ds47.explain import blocks, cyclic
+from ds47.explain.answer import CodeMeaning, CodePart, answer
 from ds47.explain.forms import (
     ALARM,
     BYTE,
@@ -18,6 +20,7 @@ from ds47.explain.forms import (
     FORMAT,
     MESSAGES,
     PARAMETER,
+    PKW,
     RULE,
     STATUS,
     TELEGRAM,
@@ -27,62 +30,11 @@ from ds47.explain.forms import (
     read,
 )
 from ds47.profidrive.naming import spelling
-from ds47.spec import cyclic, explanations, s7
+from ds47.spec import blocks as spec_blocks
+from ds47.spec import explanations, s7
+from ds47.spec.cyclic import bit_words
 from ds47.spec.explanations import Explanation
 from ds47.spec.statuses import status_hex, status_text
-
-
-@dataclass(frozen=True, slots=True)
-class CodePart:
-    """A part of a code: its value as text, where it stands, what it says."""
-
-    value: str
-    name: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class BlockOutputs:
-    """What WRREC or RDREC shows (`done` is VALID for RDREC); without a name a remark only."""
-
-    block: str
-    done: bool | None
-    busy: bool | None
-    error: bool | None
-    status: str | None
-    note: str
-
-
-@dataclass(frozen=True, slots=True)
-class Reason:
-    """A cause and how sure it is: documented, usual or unconfirmed."""
-
-    text: str
-    basis: str
-
-
-@dataclass(frozen=True, slots=True)
-class CodeMeaning:
-    """One thing that a code can mean, in one language; causes in the order of likelihood.
-
-    `known` is False where only the parts of the code have a meaning. `name` is the code in a form
-    that has this meaning alone (`ds47 explain NAME`).
-    """
-
-    kind: str
-    code: str
-    name: str
-    vendor: str | None
-    title: str
-    known: bool
-    parts: tuple[CodePart, ...]
-    plc: tuple[BlockOutputs, ...]
-    causes: tuple[Reason, ...]
-    advice: str | None
-    look: str
-    filter: str | None
-    plugin_filter: str | None
-    rank: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +71,9 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Co
     Raises:
         UnknownFormError: the text is not a code.
     """
+    asked = blocks.asked(text)
+    if asked is not None:
+        return _of_block(asked, lang, vendor, text)
     code = read(text)
     found: dict[tuple[str, str, str | None], CodeMeaning] = {}
     for reading in code.readings:
@@ -126,6 +81,11 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Co
             found.setdefault((meaning.kind, meaning.code, meaning.vendor), meaning)
     if not found:  # a word in front that does not go with the number
         raise UnknownFormError(text)
+    if code.kind is None and not any(each.known for each in found.values()):
+        guesses = (*cyclic.likely(code.readings, lang), *blocks.both_words(code.readings, lang))
+        if guesses:
+            rest = (each for each in found.values() if each.kind == S7_ERROR)
+            found = {(each.kind, each.code, None): each for each in (*guesses, *rest)}
     far = {f"0x{each.value:04X}" for each in code.readings if each.decimal and each.size == WORD}
     some, bare = any(each.known for each in found.values()), code.text.isdigit()
     kept = [each for each in found.values() if each.known or not some or each.code not in far]
@@ -134,12 +94,48 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Co
     )
 
 
+def _of_block(asked: blocks.Asked, lang: str, vendor: Maker | None, text: str) -> list[CodeMeaning]:
+    """All that a number can mean at the outputs of a block that may have it."""
+    found: list[CodeMeaning] = []
+    for output in asked.outputs:
+        if output.reads in (blocks.CODE, blocks.ACCESS):
+            found += blocks.meanings(asked, output, lang)
+        else:
+            with suppress(UnknownFormError):
+                found += _of_output(asked, output, lang, vendor)
+    known = [each for each in found if each.known]
+    if not found:
+        raise UnknownFormError(text)
+    return sorted(known, key=lambda each: each.rank == explanations.rank("block_else")) or found[:1]
+
+
+def _of_output(
+    asked: blocks.Asked, output: spec_blocks.Output, lang: str, vendor: Maker | None
+) -> Iterator[CodeMeaning]:
+    """What a number means at an output that hands on that of another block or of the drive."""
+    service, words = asked.block.service, spec_blocks.words(lang)
+    word, value = explanations.kind_word(output.reads), asked.value
+    vendor = vendor or (Maker(output.vendor) if output.vendor else None)
+    found = explain(f"{word} {value}", lang, vendor)
+    if output.decimal and value.isdigit():  # an INT, which a watch table shows so
+        found = list(dict.fromkeys([*explain(f"{word} 10#{value}", lang, vendor), *found]))
+    others = {0xDE, 0xDF} - {service} if service is not None else set()
+    own = [each for each in found if int(each.code[:2], 16) not in others] if others else found
+    for each in own or found:
+        title = words["of_output"].format(
+            blocks=asked.block.name, output=output.name, text=each.title
+        )
+        yield each if service is not None else replace(each, title=title)
+
+
 def _meanings(
     reading: Reading, kind: str | None, lang: str, vendor: Maker | None
 ) -> Iterator[CodeMeaning]:
     value = reading.value
-    if kind in cyclic.bit_words():
-        yield _cyclic_word(str(kind), value, lang)
+    if kind is None:
+        yield from blocks.alone(reading, lang)
+    if kind == PKW or kind in bit_words():
+        yield cyclic.named(str(kind), value, lang)
     elif kind in RETURNED or kind == S7_ERROR:
         if reading.size in (BYTE, WORD):
             yield _s7(value, lang) if kind == S7_ERROR else _number(str(kind), value, lang)
@@ -152,17 +148,27 @@ def _meanings(
             yield _status(value, lang)
             yield from _without_first_byte(value, lang)
     elif reading.size == WORD:
-        errors = [*_wide_errors(value, kind, lang, vendor), *_s7_error(reading, kind, lang)]
-        yield from errors
-        if kind in (None, "status", "index"):
-            known = any(each.known for each in errors)
-            yield from (each for each in _word(value, kind, lang) if each.known or not known)
+        yield from _of_word(reading, kind, lang, vendor)
     elif reading.decimal and kind is None:
         yield from _decimal_byte(value, lang, vendor)
     else:
         yield from _byte(value, kind, lang, vendor)
         if kind is None and value in s7.codes("return_code"):
             yield _behind(_s7(value, lang))
+
+
+def _of_word(
+    reading: Reading, kind: str | None, lang: str, vendor: Maker | None
+) -> Iterator[CodeMeaning]:
+    """A number of two bytes."""
+    value = reading.value
+    errors = [*_wide_errors(value, kind, lang, vendor), *_s7_error(reading, kind, lang)]
+    yield from errors
+    returned = list(_returned(value, lang)) if kind is None else []
+    yield from returned
+    if kind in (None, "status", "index"):
+        known = any(each.known for each in (*errors, *returned))
+        yield from (each for each in _word(value, kind, lang) if each.known or not known)
 
 
 # Statuses
@@ -200,7 +206,7 @@ def _status(status: int, lang: str, word: int | None = None) -> CodeMeaning:
         view, known, filter_name = _sided(entry.plc, status), True, entry.filter
         filter_name = _sided(filter_name, status)
     entry = entry or explanations.of_unknown()
-    return _meaning(
+    return answer(
         "status", code, code, title, known, entry, lang, rank="status",
         parts=_status_parts(status, lang), view=view, shown=code,
         filter_name=filter_name, values=_status_values(status),
@@ -308,6 +314,9 @@ def _word(value: int, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
             whole.append(0xC0)
         elif decode == 0x70 and explanations.of_local(0, decode, first, 0):
             whole.append(0x00)
+        elif decode in spec.status("en").code and first in _FOREIGN:
+            yield _half(value, lang)
+            return
     for code in whole:
         yield _status(code << 24 | value << 8, lang, value)
     entry = explanations.of_number("index", value) if kind != "status" else None
@@ -315,6 +324,17 @@ def _word(value: int, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
         yield _number("index", value, lang)
     elif not whole:
         yield _unknown_word(value, lang)
+
+
+_FOREIGN = (0xFE, 0xFF)
+"""ErrorDecode that says whose codes the other two bytes are: with the first byte it is an answer already."""
+
+
+def _half(value: int, lang: str) -> CodeMeaning:
+    """The first two bytes of a status."""
+    inner, words = _status(value << 16, lang), explanations.words(lang)
+    headline = inner.title.split(words["separator"], 1)[1]
+    return replace(inner, title=words["half"].format(word=f"{value:04X}", text=headline))
 
 
 def _unknown_word(value: int, lang: str) -> CodeMeaning:
@@ -335,8 +355,8 @@ def _unknown_word(value: int, lang: str) -> CodeMeaning:
             names.decode.get(low) or names.access.get(low) or words["unknown_part"],
         ),
     )
-    return _meaning(
-        "word", code, code, f"{plain}{words['separator']}{words['unknown_word']}", False,
+    return answer(
+        "word", code, code, plain + words["separator"] + words["unknown_word"].format(word=f"{value:04X}"), False,
         explanations.of_unknown(), lang, rank="error_code", parts=parts, view="unknown",
     )  # fmt: skip
 
@@ -408,13 +428,16 @@ def _number(kind: str, value: int, lang: str) -> CodeMeaning:
     if entry is None or not known:
         plain = words[f"plain_{kind}"].format(code=code, decimal=shown)
         title = f"{plain}{words['separator']}{words['unknown_error_text']}"
+        if kind in RETURNED:
+            near = (f"{each:04X}" for each in spec_blocks.near(explanations.numbers(kind), value))
+            title = words["near"].format(text=title, list=words["list_separator"].join(near))
         entry = explanations.of_unknown()
     else:
         size = _size(value, words) if kind == "format" else ""
         headline = entry.headline(lang).format(name=name, size=size)
         title = words[kind].format(code=code, decimal=shown, text=headline)
     alone = code if kind == "error_code" else f"{explanations.kind_word(kind)} {code}"
-    return _meaning(
+    return answer(
         kind, code, alone, title, known, entry, lang, rank=_rank_of(kind, value),
         parts=_other_names(value, words) if known and kind == FORMAT else (),
         filter_name=entry.filter or _FILTERS.get(kind, kind),
@@ -487,6 +510,13 @@ def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[CodeMea
             yield from () if others else (_behind(meaning),)
 
 
+def _returned(value: int, lang: str) -> Iterator[CodeMeaning]:
+    """What system functions return: a number alone is more likely one of WRREC and RDREC."""
+    for kind in RETURNED:
+        if explanations.of_number(kind, value) is not None:
+            yield replace(_number(kind, value, lang), rank=explanations.rank("returned"))
+
+
 def _behind(meaning: CodeMeaning) -> CodeMeaning:
     """What S7 communication says comes last where it is the less likely meaning."""
     return replace(meaning, rank=explanations.rank("s7_else"))
@@ -503,7 +533,7 @@ def _s7(value: int, lang: str) -> CodeMeaning:
     text, entry = _s7_text(value, lang), explanations.of_number(kind, value)
     unknown = words["unknown_s7" if wide else "unknown_error_text"]
     title = words[kind] if text else words[f"plain_{kind}"] + words["separator"] + unknown
-    meaning = _meaning(
+    meaning = answer(
         kind, code, f"{explanations.kind_word(S7_ERROR)} {code}",
         title.format(code=code, decimal=value, text=text, high=f"{value >> 8:02X}"), bool(text),
         entry if entry and text else explanations.of_unknown(), lang,
@@ -545,38 +575,9 @@ def _error(
     parts = (CodePart("", "", info),) if info else ()
     known = not entry.reserved and (maker is not None or value in spec.errors())
     alone = f"{explanations.kind_word('error')} {code}" + (f" --vendor {maker}" if maker else "")
-    return _meaning(
+    return answer(
         "error", code, alone, title, known, entry, lang, rank=rank, parts=parts,
         view="in_response", filter_name="error", values={"value": code.lower()}, vendor=maker,
-    )  # fmt: skip
-
-
-# Words of cyclic frames
-
-
-def _cyclic_word(name: str, value: int, lang: str) -> CodeMeaning:
-    """A word with known bits, of a drive, a control unit or an infeed."""
-    code = f"16#{value:04X}"
-    return _said(name, code, f"{name} {code}", said.word(name, value, lang), value, lang)
-
-
-def _telegram(number: int, lang: str) -> CodeMeaning:
-    """A telegram by its number."""
-    row = cyclic.telegrams().get(number)
-    return _said(
-        TELEGRAM, str(number), f"{explanations.kind_word(TELEGRAM)} {number}",
-        said.telegram(number, lang), number, lang, "telegram" if row and row.is_of_drive else "",
-    )  # fmt: skip
-
-
-def _said(
-    kind: str, code: str, name: str, what: said.Said, value: int, lang: str, filter_name: str = ""
-) -> CodeMeaning:
-    entry = explanations.of_number(kind, value) or explanations.of_unknown()
-    return _meaning(
-        kind, code, name, what.title, what.known, entry, lang, rank="index", vendor=what.vendor,
-        parts=tuple(CodePart(*each) for each in what.parts), advice=what.advice,
-        filter_name=filter_name, values={"value": str(value)},
     )  # fmt: skip
 
 
@@ -597,7 +598,7 @@ def _parameter(number: int, lang: str) -> CodeMeaning:
     else:
         text = words["part_separator"].join(_listed(row, lang) for row in known)
         title = words["parameter"].format_map(values | {"text": text})
-    return _meaning(
+    return answer(
         PARAMETER, code, f"{explanations.kind_word(PARAMETER)} {number}", title, bool(known), entry, lang,
         rank=PARAMETER, filter_name=entry.filter, values=values, parts=_values(known, lang),
         advice=None if known else words["parameter_advice"].format_map(values),
@@ -646,7 +647,7 @@ def _message(kind: str, number: int, lang: str) -> CodeMeaning:
     title = words["fault"].format(
         code=code, decimal=number, hex=f"{number:04X}", text=entry.headline(lang)
     )
-    return _meaning(
+    return answer(
         kind, code, f"{explanations.kind_word(kind)} {number}", title, True, entry, lang, rank=FAULT,
         filter_name=entry.filter, values={"value": "945" if kind == FAULT else "2122"},
         advice=words["fault_advice"].format(code=code),
@@ -665,7 +666,7 @@ def _rule(number: int, lang: str) -> CodeMeaning:
         family = explanations.family(digit, lang) or words["no_family"]
         plain = words["plain_rule"].format(code=code)
         text = words["unknown_rule"].format(digit=digit, family=family)
-        return _meaning(
+        return answer(
             "rule", code, code, f"{plain}{words['separator']}{text}", False,
             explanations.of_unknown(), lang, rank="error_code", view="rule",
         )  # fmt: skip
@@ -679,7 +680,7 @@ def _rule(number: int, lang: str) -> CodeMeaning:
     kind = "rule_of_analyzer" if rule.analyzer_only else "rule"
     entry = explanations.of_number(kind, number) or explanations.of_unknown()
     cause = explanations.CodeCause(rule.cause, rule.cause_zh, "usual")
-    return _meaning(
+    return answer(
         "rule", code, code, title, True, entry, lang, rank="index", causes=(cause,),
         parts=tuple(CodePart(version, "", words["changed"]) for version in rule.changed),
         advice=rule.advice_zh if chinese else rule.advice,
@@ -688,60 +689,7 @@ def _rule(number: int, lang: str) -> CodeMeaning:
 
 
 _OF_ONE_MEANING: Mapping[str, Callable[[int, str], CodeMeaning]] = {
-    PARAMETER: _parameter, RULE: _rule, TELEGRAM: _telegram,
+    PARAMETER: _parameter, RULE: _rule, TELEGRAM: cyclic.telegram,
     FAULT: partial(_message, FAULT), ALARM: partial(_message, ALARM),
 }  # fmt: skip
 """What is said about a number that can only be one thing."""
-
-
-# Putting an answer together
-
-
-def _meaning(
-    kind: str,
-    code: str,
-    name: str,
-    title: str,
-    known: bool,
-    entry: Explanation,
-    lang: str,
-    *,
-    rank: str,
-    parts: tuple[CodePart, ...] = (),
-    view: str = "",
-    shown: str = "",
-    causes: Sequence[explanations.CodeCause] = (),
-    advice: str | None = None,
-    filter_name: str = "",
-    values: Mapping[str, str] | None = None,
-    vendor: str | None = None,
-) -> CodeMeaning:
-    rows = explanations.views(view or entry.plc)
-    templates = explanations.filters(filter_name) if filter_name else {}
-    filled = {key: text.format_map(values or {}) for key, text in templates.items()}
-    return CodeMeaning(
-        kind=kind,
-        code=code,
-        name=name,
-        vendor=vendor,
-        title=title,
-        known=known,
-        parts=parts,
-        plc=tuple(
-            BlockOutputs(
-                row.block,
-                row.done,
-                row.busy,
-                row.error,
-                shown if row.status == "" else row.status,
-                row.text(lang).format_map(values or {}),
-            )
-            for row in rows
-        ),
-        causes=tuple(Reason(each.text(lang), each.basis) for each in causes or entry.causes),
-        advice=advice,
-        look=entry.look(lang),
-        filter=filled.get("wireshark"),
-        plugin_filter=filled.get("plugin"),
-        rank=explanations.rank(rank),
-    )

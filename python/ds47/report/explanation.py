@@ -18,6 +18,8 @@ WIDTH = 100
 _LABEL = 12
 _WITH_CAUSE = 2
 _TELEGRAM = "telegram"
+_ONE_LINE = 140
+"""Columns of the line where nothing is known: it stays one even where the others are shorter."""
 
 _LABELS: Final[Mapping[str, str]] = {
     "format": "names", "parameter": "values", "rule": "since",
@@ -34,6 +36,9 @@ def lines(meanings: Sequence[CodeMeaning], lang: str, width: int = WIDTH) -> Ite
         width: columns of a line; a filter may be longer.
     """
     words = explanations.words(lang)
+    if _says_nothing(meanings, words):
+        yield from wrap(meanings[0].title, max(width, _ONE_LINE), 2)
+        return
     yield from _full(meanings[0], words, width)
     if len(meanings) > 1:
         yield ""
@@ -45,8 +50,17 @@ def lines(meanings: Sequence[CodeMeaning], lang: str, width: int = WIDTH) -> Ite
     empty = [each.title for each in meanings[1:] if not each.known]
     if empty:
         yield from wrap(words["nothing"].format(list=words["list_separator"].join(empty)), width, 2)
-    if others:
-        yield from wrap(words["more"].format(command=others[0].name), width)
+    more = [each.name for each in others if each.name != meanings[0].name]
+    if more:
+        yield from wrap(words["more"].format(command=more[0]), width)
+
+
+def _says_nothing(meanings: Sequence[CodeMeaning], words: Mapping[str, str]) -> bool:
+    """Whether neither the number nor any part of it has a meaning: one line is enough."""
+    silent = ("", words["unknown_part"], words["second"])
+    first = meanings[0]
+    parts = any(part.text not in silent for part in first.parts)
+    return not (parts or first.advice or any(each.known for each in meanings))
 
 
 def _full(meaning: CodeMeaning, words: Mapping[str, str], width: int) -> Iterator[str]:

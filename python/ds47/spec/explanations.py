@@ -151,6 +151,13 @@ def of_number(kind: str, code: int) -> Explanation | None:
 
 
 @cache
+def numbers(kind: str) -> frozenset[int]:
+    """The numbers of a kind that have a meaning of their own."""
+    rows = (row for row in _table()["number"] if row["kind"] == kind)
+    return frozenset(code for row in rows for code in row.get("codes", ()))
+
+
+@cache
 def of_unknown() -> Explanation:
     """What is said about a code if only its parts are known."""
     row = _table()["unknown"]
