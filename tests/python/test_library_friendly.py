@@ -10,6 +10,7 @@ import pytest
 from handmade import transaction
 
 import ds47
+from ds47.analysis import analyze
 from ds47.capture import open_capture
 from ds47.cli import main
 from ds47.model import CaptureResult
@@ -140,7 +141,8 @@ def test_what_the_drive_says_of_its_telegram() -> None:
     assert [result.telegram(each) for each in result] == [102, 5, 102, None, 5]
     words = Telegrams(said_by((3, "ok", 102), (4, "ok", 5))).words("192.168.0.9")
     assert words is not None
-    assert (words.en, words.zh) == ("telegram 5, 102", "报文 5, 102")
+    assert words.en == "DO 3: telegram 102 without PKW; DO 4: telegram 5"
+    assert words.zh == "DO 3：报文 102，不带 PKW；DO 4：报文 5"
     assert Telegrams(said_by((3, "ok", 102))).words("192.168.0.8") is None
 
 
@@ -150,11 +152,34 @@ def test_the_telegram_stands_with_the_drive(
     path = str(captures / "cyclic-longer-ramp.pcapng")
     for detail in ([], ["--summary"], ["--all"]):
         assert main(["report", *detail, path]) == 0
-        assert "  lengths fit telegram 1  2 transactions" in capsys.readouterr().out
+        assert "  slot 2: lengths fit telegram 1 without PKW" in capsys.readouterr().out
     assert main(["report", "--lang", "zh", path]) == 0
-    assert "  长度同报文 1  2 个任务" in capsys.readouterr().out
-    assert main(["report", "-f", "html", path]) == 0
-    assert ">lengths fit telegram 1<" in capsys.readouterr().out
+    assert "  slot 2：长度同报文 1，不带 PKW" in capsys.readouterr().out
+    for detail in ([], ["--summary"]):
+        assert main(["report", "-f", "html", *detail, path]) == 0
+        assert ">slot 2: lengths fit telegram 1 without PKW<" in capsys.readouterr().out
+    assert main(["report", "-f", "markdown", path]) == 0
+    assert "all done; slot 2: lengths fit telegram 1 without PKW |" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("profibus/pyprofibus_ppo1", "PPO1: lengths fit telegram 353 with PKW"),
+        ("profibus-ppo3-and-records", "PPO3: lengths fit telegram 1 without PKW"),
+        ("profibus-wrong-project", "PPO1: PKW"),
+        (
+            "real-stacks/o1_profinetpy062_be",
+            "DO 1: telegram 352 without PKW; DO 2, slot 2.1: telegram 1 without PKW",
+        ),
+        ("tour-machine", None),
+    ],
+)
+def test_whether_a_drive_has_pkw(captures: Path, name: str, line: str | None) -> None:
+    result = analyze(captures / f"{name}.pcapng")
+    devices = {each.device for each in (*result.transactions, *result.relations)}
+    found = filter(None, map(Telegrams(result).words, devices))
+    assert [each.en for each in found] == ([] if line is None else [line])
 
 
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])

@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from ds47.model import DS47, ODD, PZD, REFUTED, CaptureResult, Transaction
+from ds47.model import DS47, ODD, PKW, PZD, REFUTED, CaptureResult, Transaction
 from ds47.profidrive.drive_objects import LOCAL, DriveObjects, Identity, access_of
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.sentences import slot_number
+from ds47.spec.cyclic import telegrams
 
 ANSWERED = ("ok", "partial", "error")
 """States of a transaction with a response."""
@@ -97,22 +98,38 @@ class Telegrams:
     """The PROFIdrive telegrams of one capture.
 
     The drive itself says them in p0922. Where nobody asks for that, the lengths of cyclic data may leave only one.
+    Without a result nothing is known yet, and `transaction` brings it.
     """
 
-    def __init__(self, result: CaptureResult, targets: Targets | None = None) -> None:
-        told = list(_told(result.evidence))
-        self._targets = targets or Targets(result.evidence if told else ())
-        self._said: dict[Identity, tuple[str, int]] = {
-            self._targets.identity(item, _SELECTION): (item.device, number) for item, number in told
+    def __init__(self, result: CaptureResult | None = None, targets: Targets | None = None) -> None:
+        told = [] if result is None else list(_told(result.evidence))
+        self._targets = targets or Targets(result.evidence if result and told else ())
+        self._said: dict[Identity, tuple[Transaction, int]] = {
+            self._targets.identity(item, _SELECTION): (item, number) for item, number in told
         }
+        sure = [
+            each
+            for each in (result.entire.relations if result else ())
+            if each.certainty not in (ODD, REFUTED)
+        ]
         self._lengths = {
             (each.device, each.slot): each.telegrams[0]
-            for each in result.entire.relations
-            if each.channel == PZD
-            and len(each.telegrams) == 1
-            and each.certainty not in (ODD, REFUTED)
+            for each in sure
+            if each.channel == PZD and len(each.telegrams) == 1
         }
+        self._pkw = {(each.device, each.slot) for each in sure if each.channel == PKW}
         self._slots = {(item.device, item.slot) for item, _ in told}
+        self._ppos = {
+            f"dp{each.address}": f"PPO{each.ppo}"
+            for each in (result.bus.stations if result and result.bus else ())
+            if each.ppo is not None
+        }
+
+    def transaction(self, item: Transaction) -> None:
+        """Takes one more transaction."""
+        self._targets.transaction(item)
+        for _, number in _told((item,)):
+            self._said[self._targets.identity(item, _SELECTION)] = item, number
 
     def of(self, item: Transaction) -> int | None:
         """That of the drive object that a transaction reaches; None where nothing tells it."""
@@ -123,22 +140,38 @@ class Telegrams:
         return self._lengths.get((item.device, item.slot))
 
     def words(self, ip: str) -> Both | None:
-        """`telegram 102` of a device, as it says, `lengths fit telegram 1`; None where nothing tells it."""
-        said = {number for device, number in self._said.values() if device == ip}
-        lengths = {
-            number
-            for place, number in self._lengths.items()
-            if place[0] == ip and place not in self._slots
-        }
-        found = [
-            say(key, numbers=", ".join(map(str, sorted(numbers))))
-            for key, numbers in (("drive_telegram", said), ("drive_lengths", lengths))
-            if numbers
-        ]
-        return joined(found) if found else None
+        """`DO 2, DO 3: telegram 105 without PKW` of a device, as it says, `slot 2: lengths fit telegram 1 ...`.
+
+        Where no telegram is known, whether there is PKW: `PPO2: PKW`. None where nothing tells it.
+        """
+        places: dict[tuple[str, int], list[str]] = {}
+        for identity, (item, number) in self._said.items():
+            if identity.device == ip:
+                reached = self._targets.drive_object(item)
+                where = slot(item) if reached is None else f"DO {reached}"
+                places.setdefault(("drive_telegram", number), []).append(where)
+        for key in {*self._lengths, *self._pkw} - self._slots:
+            device, place = key
+            if device == ip:
+                where = self._ppos.get(ip, "") if place is None else f"slot {place}"
+                known = self._lengths.get(key)
+                kind = "drive_only_pkw" if known is None else "drive_lengths"
+                places.setdefault((kind, known or 0), []).append(where)
+        found = [_named(*which, where) for which, where in places.items()]
+        found.sort(key=lambda each: (len(each[0]), each))
+        return joined([words for _, words in found], "; ", "；") if found else None
 
 
-def _told(transactions: list[Transaction]) -> Iterator[tuple[Transaction, int]]:
+def _named(key: str, number: int, places: list[str]) -> tuple[str, Both]:
+    """Which drive objects have a telegram, and that with them; whether it has PKW where that is known."""
+    known = telegrams().get(number)
+    pkw = Both.same("") if known is None else say("drive_pkw" if known.pkw else "drive_no_pkw")
+    words = say(key, number=str(number), pkw=pkw)
+    where = ", ".join(sorted(filter(None, set(places)), key=lambda each: (len(each), each)))
+    return where, words if not where else say("drive_place", where=where, words=words)
+
+
+def _told(transactions: Iterable[Transaction]) -> Iterator[tuple[Transaction, int]]:
     """Transactions that say the telegram, and which."""
     for item in transactions:
         if item.state not in ("ok", "partial") or item.operation not in ("read", "change"):
