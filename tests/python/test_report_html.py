@@ -242,6 +242,21 @@ def test_one_place_counts_for_tiles_verdict_drives_and_plots():
     assert tile == "A response whose request is not in the capture."
 
 
+def test_what_failed_is_one_figure_and_the_states_are_in_the_line_below():
+    states = ["ok", "partial", "refused", "mismatch", "unanswered", "superseded", "orphan"]
+    text = page(capture(*(transaction(n, state=each) for n, each in enumerate(states, 1))))
+    english = re.sub(r'<span lang="zh">.*?</span>', "", text)
+    tiles, below = english.split('<dl class="tiles">')[1].split("</dl>")[:2]
+    words = re.sub(r"<[^>]*>", " ", tiles).split()
+    assert " ".join(words).startswith("drive 1 read 7 ok 1 failed 3 outcome unknown 2 orphan 1")
+    (line,) = re.findall(r'<p class="states dim">(.*?)</p>', below, re.DOTALL)
+    assert " ".join(re.sub(r"<[^>]*>", " ", line).split()) == (
+        "failed : 1 refused 1 partial 1 mismatch outcome unknown : 1 unanswered 1 superseded"
+    )
+    assert 'title="The capture has no response to the request."' in line
+    assert '<p class="states dim">' not in page(capture(transaction()))
+
+
 # The quality of the capture
 
 
@@ -540,7 +555,17 @@ def test_every_text_is_used_and_every_text_used_is_there():
         assert {f"state_{state}", f"about_{state}"} <= set(names)
     known = set(texts.texts()) - set(report_words()) - set(command_words())
     quoted = set(re.findall(r"\"(\w+)\"", python + pages + scripts))
-    made = ("verdict_", "tile_", "told_", "level_", "severity_", "js_theme_")
+    made = (
+        "verdict_",
+        "tile_",
+        "told_",
+        "level_",
+        "severity_",
+        "js_theme_",
+        "state_",
+        "about_",
+        "sign_",
+    )
     unused = {
         key
         for key in known - used
