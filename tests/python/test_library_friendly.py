@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import inspect
+import io
+import json
+from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -111,15 +115,39 @@ def test_a_table_of_arrow(captures: Path, tmp_path: Path) -> None:
     assert main(["report", "-f", "parquet", "-o", str(tmp_path / "all.parquet"), str(path)]) == 0
     stored = parquet.read_table(tmp_path / "all.parquet")
     table = ds47.analyze(path).to_arrow()
-    assert table.drop_columns("telegram").equals(stored)
-    assert table.schema.metadata == stored.schema.metadata
+    assert table.drop_columns("telegram").equals(stored.drop_columns("telegram"))
+    assert table.schema.equals(stored.schema, check_metadata=True)
     assert set(table.column("telegram").to_pylist()) == {1}
+    assert set(stored.column("telegram").to_pylist()) == {None}, "nobody said it before a row"
 
 
 def test_the_telegram_of_a_drive_object(captures: Path) -> None:
     by_lengths = ds47.analyze(captures / "cyclic-longer-ramp.pcapng")
     assert {by_lengths.telegram(each) for each in by_lengths} == {1}
+    assert {each.telegram for each in by_lengths} == {1}
     assert not any(map(ds47.analyze(captures / "tour-machine.pcapng").telegram, by_lengths))
+
+
+def test_every_format_of_data_has_the_telegram(
+    captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two drive objects say p0922; what is written at once knows it from then on."""
+    path = str(captures / "real-stacks" / "o1_profinetpy062_be.pcapng")
+    result = ds47.analyze(path)
+    true = {each.id: each.telegram for each in result}
+    assert Counter(true.values()) == {352: 75, 1: 6, None: 2}
+    assert main(["report", "-f", "json", path]) == 0
+    (capture,) = json.loads(capsys.readouterr().out)["captures"]
+    assert {each["id"]: each["telegram"] for each in capture["transactions"]} == true
+    assert main(["report", "-f", "ndjson", path]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    streamed = {each["transaction"]["id"]: each["transaction"]["telegram"] for each in lines[:-1]}
+    assert main(["report", "-f", "csv", path]) == 0
+    rows = csv.DictReader(io.StringIO(capsys.readouterr().out))
+    assert {int(row["transaction"]): int(row["telegram"] or 0) or None for row in rows} == streamed
+    known = {number: value for number, value in streamed.items() if value is not None}
+    assert known.items() <= true.items()
+    assert set(known.values()) == {1, 352}
 
 
 def said_by(*numbers: tuple[int, ds47.State, int | str]) -> CaptureResult:

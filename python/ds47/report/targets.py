@@ -11,7 +11,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from ds47.model import DS47, ODD, PKW, PZD, REFUTED, CaptureResult, Transaction
-from ds47.profidrive.drive_objects import LOCAL, DriveObjects, Identity, access_of
+from ds47.profidrive.drive_objects import (
+    DO_IDENTIFICATION,
+    LOCAL,
+    DriveObjects,
+    Identity,
+    access_of,
+)
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.sentences import slot_number
 from ds47.spec.cyclic import telegrams
@@ -24,6 +30,7 @@ _Way = tuple[str, int | None, int | None, int | None, int | None, int | None]
 _WAYS: Final = 4096
 _SELECTION: Final = 922
 """The parameter that says the telegram of a drive object; 999 is free configuration."""
+_TELLING: Final = (_SELECTION, DO_IDENTIFICATION)
 _LOCAL: Final = (LOCAL, None)
 """Record indices of requests of which the submodule decides; PKW has none."""
 
@@ -125,8 +132,21 @@ class Telegrams:
             if each.ppo is not None
         }
 
+    @classmethod
+    def tell(cls, result: CaptureResult) -> None:
+        """Gives the transactions of a capture their telegrams."""
+        known = cls(result)
+        if known._said or known._lengths:
+            for each in result.transactions:
+                each.telegram = known.of(each)
+
     def transaction(self, item: Transaction) -> None:
-        """Takes one more transaction."""
+        """Takes one more transaction; most say nothing of it."""
+        for each in item.parameters:
+            if each.error is not None or each.pnu in _TELLING:
+                break
+        else:
+            return
         self._targets.transaction(item)
         for _, number in _told((item,)):
             self._said[self._targets.identity(item, _SELECTION)] = item, number
@@ -160,6 +180,22 @@ class Telegrams:
         found = [_named(*which, where) for which, where in places.items()]
         found.sort(key=lambda each: (len(each[0]), each))
         return joined([words for _, words in found], "; ", "；") if found else None
+
+
+class Following:
+    """The telegrams of captures of which each transaction is written when it is over, by what came before."""
+
+    def __init__(self) -> None:
+        self._path = ""
+        self._known = Telegrams()
+
+    def tell(self, path: str, item: Transaction) -> None:
+        """Gives a transaction its telegram, if nobody did."""
+        if path != self._path:
+            self._path, self._known = path, Telegrams()
+        self._known.transaction(item)
+        if item.telegram is None:
+            item.telegram = self._known.of(item)
 
 
 def _named(key: str, number: int, places: list[str]) -> tuple[str, Both]:
