@@ -354,7 +354,14 @@ def test_plots_are_drawn_and_another_parameter_can_be_picked(browser, tour):
 def test_the_summary_is_one_sheet_with_a_place_to_sign(browser, captures, tmp_path, name):
     page = tmp_path / "sheet.html"
     capture = str(captures / f"{name}.pcapng")
-    heading = ("--title", "What was found at press 1", "--customer", "A customer", "--order", "4711")
+    heading = (
+        "--title",
+        "What was found at press 1",
+        "--customer",
+        "A customer",
+        "--order",
+        "4711",
+    )
     assert main(["report", "-f", "html", "--summary", *heading, "-o", str(page), capture]) == 0
     browser.open(page)
     assert not browser.one(".sign").is_displayed()

@@ -259,7 +259,9 @@ def test_what_failed_is_one_figure_and_the_states_are_in_the_line_below():
 
 
 def test_a_term_is_explained_in_the_words_of_the_glossary():
-    lines = [each.split("|")[1:4] for each in GLOSSARY.read_text("utf-8").splitlines() if each[:1] == "|"]
+    lines = [
+        each.split("|")[1:4] for each in GLOSSARY.read_text("utf-8").splitlines() if each[:1] == "|"
+    ]
     rows = [[cell.strip() for cell in each] for each in lines]
     glossary = {}
     for term, short, means in rows:
