@@ -314,7 +314,9 @@ class Transaction(Plain):
     segments: list[Read] = field(default_factory=list)
     """BSEND: the frames of its segments and of their acknowledgements."""
     drive_object: int | None = None
-    """The number of the drive object that the request reaches; None if the capture does not prove one."""
+    """The number of the drive object that the request reaches; None where the capture does not prove one."""
+    telegram: int | None = None
+    """The PROFIdrive telegram of that drive object; None where nothing tells it, or nobody asked a report."""
 
     @property
     def start(self) -> str:

@@ -818,9 +818,10 @@ def _unsaved(case: Case) -> Iterator[str]:
     hole = gaps.newest_gap(str(case.args.get("device")))
     known += [((hole, 0), each, True, False) for each in here[:1]]  # a save may be missing there
     kept: list[tuple[int, Deal]] = []
+    named: set[int] = set()
     perhaps = 0
     for deal in here:
-        for at, seen in _lasting(case.reading, deal):
+        for at, seen, pnus in _lasting(case.reading, deal):
             after = [save for save in known if save[0] > at]
             if any(_has_saved(deal, *save[1:]) for save in after):
                 continue
@@ -829,14 +830,20 @@ def _unsaved(case: Case) -> Iterator[str]:
                 perhaps += 1
             else:
                 kept.append((at[0], deal))
+                named.update(pnus)
                 if sure:
                     yield f"the change of frame {at[0]} was saved in frame {sure[0].write}"
     frames = [frame for frame, _ in kept]
     targets = len({_addressed(deal) for _, deal in kept})
+    axis = _addressed(kept[0][1]) if targets == 1 else None
+    axis = axis if isinstance(axis, int) and axis else None
+    one = "unsaved" if axis is None else "unsaved_object"
     yield from case.wrong("count", len(kept))
+    yield from case.wrong("pnus", sorted(named)[:16])
+    yield from case.wrong("axis", axis)
     yield from case.wrong("last", max(frames, default=None))
     yield from case.wrong("targets", targets)
-    yield from case.wrong("case", "unsaved" if targets == 1 else "unsaved_targets")
+    yield from case.wrong("case", one if targets == 1 else "unsaved_targets")
     yield from case.wrong("unknown", perhaps)
     yield from case.wrong("more", "some_unknown" if perhaps else "all_known")
     if kept and case.frame != min(frames):
@@ -852,18 +859,18 @@ def saves(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, Deal, bool, bo
             yield (deal.write or 0, deal.id), deal, pnu == SAVE_ALL, bool(done)
 
 
-def _lasting(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, bool]]:
+def _lasting(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, bool, list[int]]]:
     """The changes of a transaction that a later one has to save: those that are known, and those that are not."""
     parts = list(_outcomes(reading, deal))
-    found: set[bool] = set()
+    found: dict[bool, list[int]] = {}
     for number, (pnu, done) in enumerate(parts):
         behind = [each for after, each in parts[number + 1 :] if after in (SAVE_ONE, SAVE_ALL)]
         saves = pnu in (SAVE_ONE, SAVE_ALL) or True in behind
         other = reading.vendors.get(deal.device) not in (None, SIEMENS)
         if done is not False and not saves and pnu not in volatile(other):
-            found.add(done is True and None not in behind)
-    for seen in found:
-        yield (deal.write or 0, deal.id), seen
+            found.setdefault(done is True and None not in behind, []).append(pnu)
+    for seen, pnus in found.items():
+        yield (deal.write or 0, deal.id), seen, pnus
 
 
 def _unasked_change(reading: Reading, deal: Deal) -> bool:

@@ -34,9 +34,9 @@ _ROW = re.compile(r"<tr>(.*?)</tr>", re.DOTALL)
 _CELL = re.compile(r"<t[hd][^>]*>(.*?)</t[hd]>", re.DOTALL)
 _PROBLEM = re.compile(r'<li class="(?:error|warning|note)">(.*?)</li>', re.DOTALL)
 STATES = {
-    "refused": ("refused",), "failed": ("error", "partial", "mismatch"),
+    "refused": ("refused",), "failed": ("refused", "error", "partial", "mismatch"),
     "no answer|no response|response not fetched": ("unanswered", "superseded"),
-    "unanswered": ("unanswered",),
+    "unanswered": ("unanswered",), "outcome unknown": ("unanswered", "superseded", "incomplete"),
 }  # fmt: skip
 """Labels of counts -> the states that they count."""
 
@@ -115,7 +115,8 @@ def _drives(body: str, reading: Reading) -> Iterator[str]:
                 for text in _count(*each, deals):
                     yield f"{row[0]}: {text}"
             if label == "Drive objects":
-                for axis in {int(each) for each in re.findall(r"\d+", told)} & missing:
+                listed = re.match(r"[\d, ]*", told)  # behind them, the telegrams
+                for axis in {int(each) for each in re.findall(r"\d+", listed[0])} & missing:
                     yield f"{row[0]}: lists DO {axis}, which does not exist"
 
 

@@ -282,7 +282,8 @@ def _drives(lines: list[str], reading: Reading) -> Iterator[str]:
     for line in whole(lines, 6):
         ip = line.split()[0]
         found = re.search(r"\b\d[\d,]* transactions?\b.*$", line)
-        counts = found[0] if found else ""
+        telegrams = r" (DO \d|slot \d|PPO\d|telegram \d|lengths fit |PKW).*"
+        counts = re.sub(telegrams, "", found[0]) if found else ""
         if ip == "and":
             continue
         if ip not in devices:

@@ -44,6 +44,8 @@ HEX = ("hex", "code", "s7_item")
 MOST_VALUES, MOST_CHARACTERS = 4, 100
 ABSENT = "(?:-|\\?|no error number(?: that is known here)?)"
 NEVER = "(?!)"
+_NUMBER = "(?:[prP]0*)?"
+"""What stands in front of the number of a parameter."""
 
 
 class _Form:
@@ -84,7 +86,10 @@ class _Form:
             return "" if value is None else self._clause(str(value))
         if kind == "reason":
             return re.escape(REASONS.get(str(value), "?")) + self.dropped("; ", "")
-        return ("(?:[prP]0*)?" if kind == "pnu" else "") + _shown(kind, value)
+        if kind == "pnus" and value is not None:
+            shown = [_NUMBER + str(each) for each in value[:MOST_VALUES]]
+            return ", ".join([*shown, r"\.\.\."] if len(value) > MOST_VALUES else shown)
+        return (_NUMBER if kind == "pnu" else "") + _shown(kind, value)
 
     def _clause(self, key: str) -> str:
         words = WORDS.get(f"{key}_many", WORDS.get(key)) if self._many else WORDS.get(key)

@@ -350,6 +350,29 @@ def test_plots_are_drawn_and_another_parameter_can_be_picked(browser, tour):
     assert label.endswith("0 not accepted; from 60 s to 100 s.")
 
 
+@pytest.mark.parametrize("name", ["lossy-stacks/l3_once", "tour-machine"])
+def test_the_summary_is_one_sheet_with_a_place_to_sign(browser, captures, tmp_path, name):
+    page = tmp_path / "sheet.html"
+    capture = str(captures / f"{name}.pcapng")
+    heading = (
+        "--title",
+        "What was found at press 1",
+        "--customer",
+        "A customer",
+        "--order",
+        "4711",
+    )
+    assert main(["report", "-f", "html", "--summary", *heading, "-o", str(page), capture]) == 0
+    browser.open(page)
+    assert not browser.one(".sign").is_displayed()
+    assert len(re.findall(rb"/Type /Page\b", browser.pdf())) == 1
+    browser.command("Emulation.setEmulatedMedia", media="print")
+    try:
+        assert browser.one(".sign").text.split() == ["Name", "Date", "Signature"]
+    finally:
+        browser.command("Emulation.setEmulatedMedia", media="")
+
+
 def test_paper_holds_the_findings_unfolded(browser, tour):
     browser.open(tour)
     browser.plots()

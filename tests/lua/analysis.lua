@@ -26,6 +26,7 @@ local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
 local suggest = require("ds47.diagnosis.suggest")
 local tables = require("ds47.spec.tables")
+local targets = require("ds47.report.targets")
 local times = require("ds47.support.times")
 local unchanged = require("unchanged")
 
@@ -108,6 +109,7 @@ local function transaction(item, run, whole)
   local seconds, nanoseconds = times.split(item.start_ns)
   result.start = {run.base_seconds + seconds, nanoseconds}
   result.drive_object = null(drive_objects.reached(whole, item))
+  result.telegram = null(targets.telegram(whole, item))
   result.bytes = {request = null(hex(item.request)), response = null(hex(item.response))}
   result.status = {write = word(item.write_status), read = word(item.read_status)}
   result.parameters = list(item.parameters, parameter)

@@ -420,7 +420,7 @@ def unsaved(*cases: Job) -> tuple[int, int, int, int, int, str, str] | None:
 
 
 def test_changes_that_no_save_follows_are_lost() -> None:
-    assert unsaved(changes(1), changes(5)) == (2, 0, 1, 1, 5, "unsaved", "all_known")
+    assert unsaved(changes(1), changes(5)) == (2, 0, 1, 1, 5, "unsaved_object", "all_known")
     two = (2, 0, 2, 1, 5, "unsaved_targets", "all_known")
     assert unsaved(changes(1), changes(5, axis=2)) == two
 
@@ -428,16 +428,16 @@ def test_changes_that_no_save_follows_are_lost() -> None:
 def test_a_save_saves_its_drive_object_or_all() -> None:
     assert unsaved(changes(1), changes(5, SAVE)) is None
     assert unsaved(changes(1), changes(5, SAVE_ALL, axis=2)) is None
-    left = (1, 0, 1, 1, 1, "unsaved", "all_known")
+    left = (1, 0, 1, 1, 1, "unsaved_object", "all_known")
     assert unsaved(changes(1), changes(5, SAVE, axis=2)) == left
     assert unsaved(changes(5, SAVE), changes(1)) is None
-    assert unsaved(changes(1, SAVE), changes(5)) == (1, 0, 1, 5, 5, "unsaved", "all_known")
+    assert unsaved(changes(1, SAVE), changes(5)) == (1, 0, 1, 5, 5, "unsaved_object", "all_known")
 
 
 def test_in_one_request_the_save_saves_what_stands_before_it() -> None:
     both_done = changes(1, (FIXED, TEN), SAVE)
     assert unsaved(both_done) is None
-    assert unsaved(both_done, changes(11)) == (1, 0, 1, 11, 11, "unsaved", "all_known")
+    assert unsaved(both_done, changes(11)) == (1, 0, 1, 11, 11, "unsaved_object", "all_known")
     assert unsaved(changes(1, SAVE, (FIXED, TEN))) is not None
     both = message.answer(1, 0x82, 1, message.done(), message.error(0x11))
     assert unsaved(changes(1, (FIXED, TEN), SAVE, answer=both)) is not None
@@ -473,7 +473,15 @@ def test_what_was_not_changed_is_not_lost(case: Job, lost: bool) -> None:
 def test_of_several_parameters_those_count_that_were_changed() -> None:
     pairs = ((FIXED, TEN), (message.address(2901), TEN))
     half = message.answer(1, 0x82, 1, message.done(), message.error(0x11))
-    assert unsaved(changes(1, *pairs, answer=half)) == (1, 0, 1, 1, 1, "unsaved", "all_known")
+    assert unsaved(changes(1, *pairs, answer=half)) == (
+        1,
+        0,
+        1,
+        1,
+        1,
+        "unsaved_object",
+        "all_known",
+    )
     none = message.answer(1, 0x82, 1, message.error(0x11), message.error(0x11))
     assert unsaved(changes(1, *pairs, answer=none)) is None
 
@@ -484,7 +492,7 @@ def test_of_several_parameters_those_count_that_were_changed() -> None:
 )
 def test_whether_a_change_succeeded_may_be_unknown(answer: bytes | None) -> None:
     """Not read, the response to another request, or one that does not say it."""
-    expected = (2, 1, 1, 1, 11, "unsaved", "some_unknown")
+    expected = (2, 1, 1, 1, 11, "unsaved_object", "some_unknown")
     told = unsaved(changes(1), changes(11, answer=answer))
     assert told is not None
     assert (told[0], told[6]) in {(1, "some_unknown"), (expected[0], "some_unknown")}

@@ -161,6 +161,8 @@ def test_a_page_of_one_sheet(results: list[CaptureResult]) -> None:
     assert verdict(VerdictCounts.of(long)).en in page
     assert page.count('<p class="advice">') <= 6
     assert "transactions-1" not in page
+    assert page.count('<dl class="sign onlyprint">') == 1, "a place to sign, on paper alone"
+    assert re.findall(r'<div><dt><span lang="en">(\w+)', page) == ["Name", "Date", "Signature"]
 
 
 @pytest.mark.parametrize("lang", ["en", "zh"])

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import inspect
+import io
+import json
+from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -10,6 +14,7 @@ import pytest
 from handmade import transaction
 
 import ds47
+from ds47.analysis import analyze
 from ds47.capture import open_capture
 from ds47.cli import main
 from ds47.model import CaptureResult
@@ -110,15 +115,39 @@ def test_a_table_of_arrow(captures: Path, tmp_path: Path) -> None:
     assert main(["report", "-f", "parquet", "-o", str(tmp_path / "all.parquet"), str(path)]) == 0
     stored = parquet.read_table(tmp_path / "all.parquet")
     table = ds47.analyze(path).to_arrow()
-    assert table.drop_columns("telegram").equals(stored)
-    assert table.schema.metadata == stored.schema.metadata
+    assert table.drop_columns("telegram").equals(stored.drop_columns("telegram"))
+    assert table.schema.equals(stored.schema, check_metadata=True)
     assert set(table.column("telegram").to_pylist()) == {1}
+    assert set(stored.column("telegram").to_pylist()) == {None}, "nobody said it before a row"
 
 
 def test_the_telegram_of_a_drive_object(captures: Path) -> None:
     by_lengths = ds47.analyze(captures / "cyclic-longer-ramp.pcapng")
     assert {by_lengths.telegram(each) for each in by_lengths} == {1}
+    assert {each.telegram for each in by_lengths} == {1}
     assert not any(map(ds47.analyze(captures / "tour-machine.pcapng").telegram, by_lengths))
+
+
+def test_every_format_of_data_has_the_telegram(
+    captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two drive objects say p0922; what is written at once knows it from then on."""
+    path = str(captures / "real-stacks" / "o1_profinetpy062_be.pcapng")
+    result = ds47.analyze(path)
+    true = {each.id: each.telegram for each in result}
+    assert Counter(true.values()) == {352: 75, 1: 6, None: 2}
+    assert main(["report", "-f", "json", path]) == 0
+    (capture,) = json.loads(capsys.readouterr().out)["captures"]
+    assert {each["id"]: each["telegram"] for each in capture["transactions"]} == true
+    assert main(["report", "-f", "ndjson", path]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    streamed = {each["transaction"]["id"]: each["transaction"]["telegram"] for each in lines[:-1]}
+    assert main(["report", "-f", "csv", path]) == 0
+    rows = csv.DictReader(io.StringIO(capsys.readouterr().out))
+    assert {int(row["transaction"]): int(row["telegram"] or 0) or None for row in rows} == streamed
+    known = {number: value for number, value in streamed.items() if value is not None}
+    assert known.items() <= true.items()
+    assert set(known.values()) == {1, 352}
 
 
 def said_by(*numbers: tuple[int, ds47.State, int | str]) -> CaptureResult:
@@ -140,7 +169,8 @@ def test_what_the_drive_says_of_its_telegram() -> None:
     assert [result.telegram(each) for each in result] == [102, 5, 102, None, 5]
     words = Telegrams(said_by((3, "ok", 102), (4, "ok", 5))).words("192.168.0.9")
     assert words is not None
-    assert (words.en, words.zh) == ("telegram 5, 102", "报文 5, 102")
+    assert words.en == "DO 3: telegram 102 without PKW; DO 4: telegram 5"
+    assert words.zh == "DO 3：报文 102，不带 PKW；DO 4：报文 5"
     assert Telegrams(said_by((3, "ok", 102))).words("192.168.0.8") is None
 
 
@@ -150,11 +180,34 @@ def test_the_telegram_stands_with_the_drive(
     path = str(captures / "cyclic-longer-ramp.pcapng")
     for detail in ([], ["--summary"], ["--all"]):
         assert main(["report", *detail, path]) == 0
-        assert "  lengths fit telegram 1  2 transactions" in capsys.readouterr().out
+        assert "  slot 2: lengths fit telegram 1 without PKW" in capsys.readouterr().out
     assert main(["report", "--lang", "zh", path]) == 0
-    assert "  长度同报文 1  2 个任务" in capsys.readouterr().out
-    assert main(["report", "-f", "html", path]) == 0
-    assert ">lengths fit telegram 1<" in capsys.readouterr().out
+    assert "  slot 2：长度同报文 1，不带 PKW" in capsys.readouterr().out
+    for detail in ([], ["--summary"]):
+        assert main(["report", "-f", "html", *detail, path]) == 0
+        assert ">slot 2: lengths fit telegram 1 without PKW<" in capsys.readouterr().out
+    assert main(["report", "-f", "markdown", path]) == 0
+    assert "all done; slot 2: lengths fit telegram 1 without PKW |" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("profibus/pyprofibus_ppo1", "PPO1: lengths fit telegram 353 with PKW"),
+        ("profibus-ppo3-and-records", "PPO3: lengths fit telegram 1 without PKW"),
+        ("profibus-wrong-project", "PPO1: PKW"),
+        (
+            "real-stacks/o1_profinetpy062_be",
+            "DO 1: telegram 352 without PKW; DO 2, slot 2.1: telegram 1 without PKW",
+        ),
+        ("tour-machine", None),
+    ],
+)
+def test_whether_a_drive_has_pkw(captures: Path, name: str, line: str | None) -> None:
+    result = analyze(captures / f"{name}.pcapng")
+    devices = {each.device for each in (*result.transactions, *result.relations)}
+    found = filter(None, map(Telegrams(result).words, devices))
+    assert [each.en for each in found] == ([] if line is None else [line])
 
 
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])

@@ -109,7 +109,8 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
         for part in each["parameters"]:
             said = part["described"]
             part["described"] = said and {"name": said[0], "frames": list(said[1])}
-    item = {name: item[name] for name in ("transactions", "findings", "base_seconds")}
+    names = ("transactions", "findings", "base_seconds", "relations")
+    item = {name: item[name] for name in names}
     for each in item["findings"]:
         each["args"] = with_points(each["args"])
         assert each.pop("said") is None  # the plugin reads no stored results
@@ -416,10 +417,27 @@ def test_statistics_name_a_drive_object_only_where_it_is_one(
 
 
 def test_csv_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
-    everything = [*results, odd_result(), *empty_results(), *cyclic_results()]
+    everything = [*results, odd_result(), *empty_results(), *cyclic_results(), telegrams_said()]
     texts = lua([job("csv", each) for each in everything])
     for result, text in zip(everything, texts, strict=True):
         assert text == python_csv(result), result.path
+    column = csv_report.COLUMNS.index("telegram")
+    told = [line.split(",")[column] for line in texts[-1].splitlines()[1:]]
+    assert told == ["102", "105", "102", "", "", "102"]
+
+
+def telegrams_said() -> CaptureResult:
+    """p0922 of drive objects: read, changed, refused, of a number that none has, and other parameters."""
+    ways = [(2, 922, 105, "ok"), (3, 922, 105, "ok"), (2, 922, 102, "partial"), (4, 922, 7, "error"),
+            (5, 922, 0, "ok"), (2, 1120, 3, "ok")]  # fmt: skip
+    jobs = [
+        handmade.transaction(
+            id=n, axis=axis, state=state, index=0xB02F, operation="change" if n == 3 else "read",
+            parameters=[Parameter(pnu, 0, "value", 0, format="Unsigned16", value_count=1, values=[number])],
+        )
+        for n, (axis, pnu, number, state) in enumerate(ways, 1)
+    ]  # fmt: skip
+    return CaptureResult("telegrams.pcapng", transactions=jobs)
 
 
 def test_times_of_every_kind_of_day(lua: Run) -> None:

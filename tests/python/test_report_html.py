@@ -54,6 +54,7 @@ from ds47.spec.statuses import status_text
 HOSTILE = "<script>alert(1)</script>"
 QUOTES = "\"press\" & 'line' <b>1</b> </script>"
 DRIVE = "192.168.133.33"
+GLOSSARY = Path(__file__).parents[2] / "docs" / "glossary.md"
 TEMPLATES = Path(html.__file__).parent.parent / "templates"
 RPC = {"requests": 4, "responses": 4, "faults": 0, "rejects": 0, "unanswered": 0}
 
@@ -240,6 +241,44 @@ def test_one_place_counts_for_tiles_verdict_drives_and_plots():
     tiles = page(capture(transaction(state="orphan"))).split('<dl class="tiles">')[1]
     (tile,) = re.findall(r'<div class="warn"[^>]*title="([^"]+)"', tiles.split("</dl>")[0])
     assert tile == "A response whose request is not in the capture."
+
+
+def test_what_failed_is_one_figure_and_the_states_are_in_the_line_below():
+    states = ["ok", "partial", "refused", "mismatch", "unanswered", "superseded", "orphan"]
+    text = page(capture(*(transaction(n, state=each) for n, each in enumerate(states, 1))))
+    english = re.sub(r'<span lang="zh">.*?</span>', "", text)
+    tiles, below = english.split('<dl class="tiles">')[1].split("</dl>")[:2]
+    words = re.sub(r"<[^>]*>", " ", tiles).split()
+    assert " ".join(words).startswith("drive 1 read 7 ok 1 failed 3 outcome unknown 2 orphan 1")
+    (line,) = re.findall(r'<p class="states dim">(.*?)</p>', below, re.DOTALL)
+    assert " ".join(re.sub(r"<[^>]*>", " ", line).split()) == (
+        "failed : 1 refused 1 partial 1 mismatch outcome unknown : 1 unanswered 1 superseded"
+    )
+    assert 'title="The capture has no response to the request."' in line
+    assert '<p class="states dim">' not in page(capture(transaction()))
+
+
+def test_a_term_is_explained_in_the_words_of_the_glossary():
+    lines = [
+        each.split("|")[1:4] for each in GLOSSARY.read_text("utf-8").splitlines() if each[:1] == "|"
+    ]
+    rows = [[cell.strip() for cell in each] for each in lines]
+    glossary = {}
+    for term, short, means in rows:
+        plain = re.sub(r" \(\[.*?\]\(.*?\)\)|`", "", means)
+        glossary[f"{term} ({short})" if short else term] = plain
+    terms = {key: each for key, each in texts.texts().items() if key.startswith("term_")}
+    for key, each in terms.items():
+        term, _, means = each["en"].partition(": ")
+        assert glossary[term] == means, key
+        assert "：" in each["zh"], key
+    script = (TEMPLATES / "report" / "base.js").read_text("utf-8")
+    known = set(re.findall(r'"(\w+)"', script.split("const TERMS = {")[1].split("};")[0]))
+    assert {f"term_{each}" for each in known} <= set(terms)
+    drives = next(
+        a for tag, a in Elements(page(capture(transaction()))).found if "PZD" in a.get("title", "")
+    )
+    assert drives["title"].startswith("drive object (DO): a part of a drive")
 
 
 # The quality of the capture
@@ -540,7 +579,18 @@ def test_every_text_is_used_and_every_text_used_is_there():
         assert {f"state_{state}", f"about_{state}"} <= set(names)
     known = set(texts.texts()) - set(report_words()) - set(command_words())
     quoted = set(re.findall(r"\"(\w+)\"", python + pages + scripts))
-    made = ("verdict_", "tile_", "told_", "level_", "severity_", "js_theme_")
+    made = (
+        "verdict_",
+        "tile_",
+        "told_",
+        "level_",
+        "severity_",
+        "js_theme_",
+        "state_",
+        "about_",
+        "sign_",
+        "term_",
+    )
     unused = {
         key
         for key in known - used

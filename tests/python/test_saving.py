@@ -15,6 +15,7 @@ from ds47.diagnosis.targets import LOCAL, Target, reach_of, target
 
 TWO, THREE = Target(local=False, first=2), Target(local=False, first=3)
 NONE = Target(local=False, first=0)
+P1120 = (1120,)
 SLOT = Target(local=True, first=2, second=1)
 
 
@@ -26,7 +27,7 @@ def changed(*moments: Moment, to: Target = TWO) -> Unsaved:
     """A device on which these changes succeeded."""
     device = Unsaved()
     for moment in moments:
-        device.change(moment, to, seen=True)
+        device.change(moment, to, P1120, seen=True)
     return device
 
 
@@ -88,16 +89,16 @@ def test_a_change_heard_of_after_its_save_is_saved_if_it_was_asked_before() -> N
     device = Unsaved()
     device.save(at(8), TWO, seen=True)
     for moment in (at(7), at(8), at(9)):
-        device.change(moment, TWO, seen=True)
-    device.change(at(3), THREE, seen=True)
+        device.change(moment, TWO, P1120, seen=True)
+    device.change(at(3), THREE, P1120, seen=True)
     assert numbers(device) == (3, 0, 2, 3, 9)
 
 
 def test_a_save_of_no_known_drive_object_saves_none_for_certain() -> None:
     device = Unsaved()
     device.save(at(8), NONE, seen=True)
-    device.change(at(7), NONE, seen=True)
-    device.change(at(9), TWO, seen=True)
+    device.change(at(7), NONE, P1120, seen=True)
+    device.change(at(9), TWO, P1120, seen=True)
     assert numbers(device) == (1, 1, 1, 9, 9)
 
 
@@ -106,18 +107,18 @@ def test_a_save_that_may_have_failed_leaves_open_what_was_asked_before_it_and_no
 ):
     device = changed(at(3), at(5), at(7))
     device.save(at(5), TWO, seen=False)
-    device.change(at(4), TWO, seen=True)
-    device.change(at(5), TWO, seen=True)
-    device.change(at(4), THREE, seen=True)
+    device.change(at(4), TWO, P1120, seen=True)
+    device.change(at(5), TWO, P1120, seen=True)
+    device.change(at(4), THREE, P1120, seen=True)
     assert numbers(device) == (4, 2, 2, 4, 7)
 
 
 def test_a_later_save_settles_what_was_open_on_its_drive_object_alone() -> None:
     device = changed(at(1))
-    device.change(at(2), TWO, seen=False)
-    device.change(at(3), THREE, seen=False)
+    device.change(at(2), TWO, P1120, seen=False)
+    device.change(at(3), THREE, P1120, seen=False)
     device.save(at(4), TWO, seen=True)
-    device.change(at(5), TWO, seen=True)
+    device.change(at(5), TWO, P1120, seen=True)
     assert numbers(device) == (1, 1, 1, 5, 5)
     device.save_all(at(4), seen=True)
     assert numbers(device) == (1, 0, 1, 5, 5)
@@ -160,14 +161,14 @@ def test_the_older_changes_are_counted_on_after_they_were_saved() -> None:
     device.save_all(at(21), seen=True)
     assert numbers(device) is None
     for frame in range(31, 51):
-        device.change(at(frame), TWO, seen=True)
+        device.change(at(frame), TWO, P1120, seen=True)
     assert numbers(device) == (20, 0, 1, 31, 50)
 
 
 def test_older_changes_stay_among_those_whose_save_is_not_known() -> None:
     device = many(20)
     device.save_all(at(21), seen=False)
-    device.change(at(30), THREE, seen=True)
+    device.change(at(30), THREE, P1120, seen=True)
     assert numbers(device) == (1, 20, 1, 30, 30)
     device.save(at(22), TWO, seen=True)
     assert numbers(device) == (1, 0, 1, 30, 30)
@@ -184,6 +185,46 @@ def test_the_span_of_older_changes_is_in_frames_whatever_the_order_in_which_they
 
 def test_the_last_change_may_be_an_older_one() -> None:
     assert numbers(changed(at(99), *(at(frame) for frame in range(1, 17)))) == (17, 0, 1, 1, 99)
+
+
+# What is named
+
+
+def named(device: Unsaved) -> tuple[list[int], int | None]:
+    """The parameters, and the axis."""
+    told = device.told()
+    assert told is not None
+    return told["pnus"], told["axis"]
+
+
+def test_what_is_not_saved_is_named_and_the_axis_where_there_is_one() -> None:
+    device = Unsaved()
+    device.change(at(1), TWO, (1121, 1120), seen=True)
+    device.change(at(2), TWO, (1120,), seen=True)
+    device.change(at(3), TWO, (2900,), seen=False)
+    assert named(device) == ([1120, 1121], 2)
+    device.save(at(2), TWO, seen=True)
+    device.change(at(4), SLOT, (1070,), seen=True)
+    assert named(device) == ([1070, 1120], None), "an axis and a slot"
+    assert named(changed(at(1), to=SLOT)) == ([1120], None)
+    assert named(changed(at(1), to=NONE)) == ([1120], None)
+
+
+def test_those_of_older_changes_are_named_too_and_forgotten_with_them() -> None:
+    device = Unsaved()
+    for frame in range(1, 25):
+        device.change(at(frame), TWO, (2900 - frame,), seen=True)
+    assert named(device) == ([*range(2876, 2892)], 2), "of 24 the 16 with the lowest numbers"
+    device.save_all(at(24), seen=True)
+    assert named(device) == ([2876], 2)
+
+
+def test_what_a_save_may_have_reached_is_not_named() -> None:
+    device = Unsaved()
+    for frame in range(1, 25):
+        device.change(at(frame), TWO, (1000 + frame,), seen=True)
+    device.save(at(24), TWO, seen=False)
+    assert named(device) == ([1024], 2)
 
 
 # The memory is bounded
@@ -204,7 +245,7 @@ def test_the_oldest_save_is_forgotten_first() -> None:
     for number in (1, 2, 3):
         device.save(at(10), axis(number), seen=True)
     for number in (1, 2, 3):
-        device.change(at(5), axis(number), seen=True)
+        device.change(at(5), axis(number), P1120, seen=True)
     assert numbers(device) == (1, 0, 1, 5, 5)  # that of axis 1
 
 
@@ -212,5 +253,5 @@ def test_the_oldest_save_is_forgotten_first() -> None:
 def test_of_changes_to_too_many_drive_objects_it_is_not_known_whether_they_are_saved() -> None:
     device = Unsaved()
     for number in (1, 2, 3, 1):
-        device.change(at(number), axis(number), seen=True)
+        device.change(at(number), axis(number), P1120, seen=True)
     assert numbers(device) == (3, 1, 2, 1, 2)

@@ -29,7 +29,7 @@ FREE = {
     "DS701": {"among", "case", "polls"},
     "DS705": {"case", "other", "other_ar", "first"},
     "DS708": {"other"},
-    "DS721": {"count", "unknown", "more", "last"},
+    "DS721": {"axis", "case", "count", "unknown", "more", "last", "pnus", "targets"},
 }
 """Arguments that a cut capture may say otherwise: they count, or name the first one, or who it is known to be."""
 OTHERWISE = {"DS701"}

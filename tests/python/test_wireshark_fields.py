@@ -143,6 +143,7 @@ def test_a_transaction_is_put_together_from_its_frames() -> None:
         "request_reference": 3,
         "axis": 2,
         "drive_object": 2,
+        "telegram": None,  # which the plugin does not tell
         "frames": {
             "write_request": 1,
             "write_response": None,

@@ -9,6 +9,7 @@ local mapped = require("ds47.support.arrays").mapped
 local numbers = require("ds47.support.numbers")
 local sentences = require("ds47.report.sentences")
 local tables = require("ds47.spec.tables")
+local targets = require("ds47.report.targets")
 local times = require("ds47.support.times")
 local words = require("ds47.report.formatting")
 
@@ -100,6 +101,7 @@ local OF_TRANSACTION = {
   controller = function(item) return M.guarded(item.controller) end,
   device = function(item) return M.guarded(item.device) end,
   drive_object = function(item, about) return drive_objects.reached(about.result, item) end,
+  telegram = function(item, about) return targets.telegram(about.result, item) end,
   polls = function(item) return #(item.frames.polls or {}) end,
   start = function(item, about) return M.timestamp(about.result.base_seconds or 0, item.start_ns) end,
   duration_ms = function(item)

@@ -34,4 +34,63 @@ function Targets:place(item, with_slot)
   return table.concat(parts, " ")
 end
 
+-- Telegrams: p0922 as it was read or written last, else the only one that has the lengths of the cyclic data.
+
+local SELECTION = 922 -- the parameter that says it; 999 is free configuration
+local UNSURE = { odd = true, refuted = true }
+
+-- The number that a parameter says; nil of any other.
+local function told(parameter)
+  local value = parameter.values and parameter.values[1]
+  if parameter.pnu == SELECTION and not parameter.error and parameter.attribute == "value"
+    and type(value) == "number" and value % 1 == 0 and value > 0 and value <= 999
+  then
+    return value
+  end
+end
+
+-- {access, number} of each that is said, the last one first.
+local function said(transactions)
+  local found = {}
+  for _, item in ipairs(transactions) do
+    local whole = item.state == "ok" or item.state == "partial"
+    if whole and (item.operation == "read" or item.operation == "change") then
+      for _, each in ipairs(item.parameters) do
+        local number = told(each)
+        if number then table.insert(found, 1, { access = drive_objects.access_of(item), number = number }) end
+      end
+    end
+  end
+  return found
+end
+
+local function place(device, slot) return device .. " " .. tostring(slot) end
+
+local function lengths(relations)
+  local found = {}
+  for _, each in ipairs(relations or {}) do
+    if each.channel == "pzd" and #each.telegrams == 1 and not UNSURE[each.certainty] then
+      found[place(each.device, each.slot)] = each.telegrams[1]
+    end
+  end
+  return found
+end
+
+--- The key `telegram` of a transaction, by all of the result (Analysis:ended) that it stands in.
+function M.telegram(result, item)
+  local known = result.telegrams
+  if not known then
+    known = { said = said(result.transactions), lengths = lengths(result.relations) }
+    result.telegrams = known
+  end
+  if known.said[1] then
+    result.drive_objects = result.drive_objects or drive_objects.of(result.transactions)
+    local access = drive_objects.access_of(item)
+    for _, each in ipairs(known.said) do
+      if result.drive_objects:same(access, each.access, SELECTION) then return each.number end
+    end
+  end
+  return known.lengths[place(item.device, item.slot)]
+end
+
 return M

@@ -2381,7 +2381,7 @@ M.explain.ranges = {
 
 later.columns = [=[
 M.columns = {
-  transaction = {"path", "transaction", "channel", "operation", "state", "controller", "device", "station", "ar", "api", "slot", "subslot", "index", "request_reference", "axis", "drive_object", "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response", "polls", "start", "duration_ms", "cycles", "status.write", "status.read", "findings"},
+  transaction = {"path", "transaction", "channel", "operation", "state", "controller", "device", "station", "ar", "api", "slot", "subslot", "index", "request_reference", "axis", "drive_object", "telegram", "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response", "polls", "start", "duration_ms", "cycles", "status.write", "status.read", "findings"},
   parameter = {"pnu", "subindex", "attribute", "element_count", "name", "unit", "format", "value_count", "values", "scaled", "error.code", "error.text", "error.info"},
   s7 = {"connection", "r_id", "error", "item.address", "item.length", "item.value", "item.code"},
 }

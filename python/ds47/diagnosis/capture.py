@@ -442,6 +442,7 @@ class WholeCapture:
         if not (effect.saves or effect.changes):
             return
         unsaved = self._unsaved_of(job.peer.device)
+        unsaved.family = who.drives
         moment = asked.frame, job.record.position
         target = target_of(job.record, message.axis)
         for whole, seen in effect.saves:
@@ -449,8 +450,8 @@ class WholeCapture:
                 unsaved.save_all(moment, seen=seen)
             else:
                 unsaved.save(moment, target, seen=seen)
-        for seen in effect.changes:
-            unsaved.change(moment, target, seen=seen)
+        for seen, pnus in effect.changes:
+            unsaved.change(moment, target, pnus, seen=seen)
 
     def _changed_unseen(self, job: Job) -> None:
         """The response to a change whose request is not known: that may have been a save."""
@@ -474,10 +475,11 @@ class WholeCapture:
             if facts is not None:
                 first = facts.pop("first")
                 case = "unsaved" if facts["targets"] == 1 else "unsaved_targets"
+                if facts["axis"] is not None:
+                    case = "unsaved_object"
                 more = "all_known" if not facts["unknown"] else "some_unknown"
-                yield Remark(
-                    "DS721", first, {"device": device, "case": case, "more": more, **facts}
-                )
+                who = {"device": device, "family": unsaved.family}
+                yield Remark("DS721", first, {**who, "case": case, "more": more, **facts})
 
     # What the capture does not have (DS725)
 
@@ -563,11 +565,12 @@ class _Effect(NamedTuple):
     Attributes:
         saves: for each kind of save in it whether it saves all drive objects, and whether it is known to
             have been accepted.
-        changes: whether the changes behind the last save are known to have been accepted: True, False, both.
+        changes: those behind the last save, whether they are known to have been accepted, and of what: none of
+            what an unknown save may have reached.
     """
 
     saves: tuple[tuple[bool, bool], ...]
-    changes: tuple[bool, ...]
+    changes: tuple[tuple[bool, tuple[int, ...]], ...]
 
 
 @lru_cache(maxsize=4096)
@@ -575,16 +578,16 @@ def _effect(parts: tuple[tuple[int, bool | None, bool], ...]) -> _Effect:
     """Of the numbers of parameters, in their order, their outcomes, and whether the drive changes them itself."""
     saving, whole = known().saving, known().saving_all
     saves: set[tuple[bool, bool]] = set()
-    changes: set[bool] = set()
+    changes: dict[bool, tuple[int, ...]] = {}
     for pnu, done, changing in parts:
         if done is False:
             continue
         if pnu in saving:
             saves.add((pnu == whole, bool(done)))
-            changes = set() if done or not changes else {False}
+            changes = {} if done or not changes else {False: ()}
         elif not changing:
-            changes.add(bool(done))
-    return _Effect(tuple(sorted(saves)), tuple(sorted(changes)))
+            changes[bool(done)] = (*changes.get(bool(done), ()), pnu)
+    return _Effect(tuple(sorted(saves)), tuple(sorted(changes.items())))
 
 
 def _place(record: Record) -> Place:

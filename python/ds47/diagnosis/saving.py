@@ -1,7 +1,7 @@
 """Changes that are not copied to ROM (DS721): what a save of one drive object, or of all, leaves open.
 
-A change counts where its success was seen. What was not seen, and what a save may have reached or not, is
-counted apart: a save whose own outcome was not seen proves nothing.
+A change counts where its success was seen, and its parameters are named. What was not seen, and what a save
+may have reached or not, is counted apart: a save whose own outcome was not seen proves nothing.
 """
 
 from __future__ import annotations
@@ -13,9 +13,12 @@ from ds47.spec.semantics import known
 
 _KEPT = 16
 """Changes to one target of which each is kept: more are not open at a time."""
+NAMED: Final = 16
+"""Parameters that are named, those with the lowest numbers: the same ones in whatever order they are heard of."""
 
 Moment = tuple[int, int]
 """The frame of a Write request, and its position inside that."""
+Pnus = tuple[int, ...]
 _NEVER: Final = (0, -1)
 _ANYWHERE: Final = Target(local=False, first=0)
 """For changes that were addressed in so many ways that the drive object is not remembered."""
@@ -24,40 +27,42 @@ _ANYWHERE: Final = Target(local=False, first=0)
 class _Changes:
     """The changes to one target: the newest ones, of older ones their number and their span."""
 
-    __slots__ = ("folded", "high", "items", "low")
+    __slots__ = ("folded", "high", "items", "low", "pnus")
 
     def __init__(self) -> None:
-        self.items: list[Moment] = []
+        self.items: list[tuple[Moment, Pnus]] = []
         self.folded = 0
         self.low = self.high = _NEVER
+        self.pnus: Pnus = ()
 
-    def add(self, change: Moment) -> None:
+    def add(self, moment: Moment, pnus: Pnus) -> None:
         """One more."""
-        self.items.append(change)
+        self.items.append((moment, pnus))
         if len(self.items) > _KEPT:
-            oldest = self.items.pop(0)
-            self._fold(1, oldest, oldest)
+            oldest, changed = self.items.pop(0)
+            self._fold(1, oldest, oldest, changed)
 
-    def _fold(self, count: int, low: Moment, high: Moment) -> None:
+    def _fold(self, count: int, low: Moment, high: Moment, pnus: Pnus) -> None:
         self.low = min(self.low, low) if self.folded else low
         self.high = max(self.high, high)
         self.folded += count
+        self.pnus = _lowest((*self.pnus, *pnus))
 
     def append(self, others: _Changes) -> None:
         """All of others, too."""
         for change in others.items:
-            self.add(change)
+            self.add(*change)
         if others.folded:
-            self._fold(others.folded, others.low, others.high)
+            self._fold(others.folded, others.low, others.high, others.pnus)
 
     def take(self, before: Moment) -> _Changes:
         """Takes out those that came before a moment; with them the older ones if any of those did."""
         taken = _Changes()
-        taken.items = [change for change in self.items if change < before]
-        self.items = [change for change in self.items if change >= before]
+        taken.items = [change for change in self.items if change[0] < before]
+        self.items = [change for change in self.items if change[0] >= before]
         if self.folded and self.low < before:
-            taken.folded, taken.low, taken.high = self.folded, self.low, self.high
-            self.folded, self.low, self.high = 0, _NEVER, _NEVER
+            taken._fold(self.folded, self.low, self.high, self.pnus)
+            self.folded, self.low, self.high, self.pnus = 0, _NEVER, _NEVER, ()
         return taken
 
     def saved(self, before: Moment) -> _Changes:
@@ -65,7 +70,7 @@ class _Changes:
         old = self.take(before)
         rest = _Changes()
         if old.folded and old.high > before:
-            rest.folded, rest.low, rest.high = old.folded, old.low, old.high
+            rest._fold(old.folded, old.low, old.high, old.pnus)
         return rest
 
     def count(self) -> int:
@@ -74,11 +79,16 @@ class _Changes:
 
     def first(self) -> int:
         """The first frame of them."""
-        return min([*self.items, *([self.low] if self.folded else [])])[0]
+        moments = [moment for moment, _ in self.items]
+        return min([*moments, *([self.low] if self.folded else [])])[0]
 
     def last(self) -> int:
         """The last frame of them."""
-        return max([*self.items, self.high])[0]
+        return max([*(moment for moment, _ in self.items), self.high])[0]
+
+    def named(self) -> Pnus:
+        """The parameters that they went to."""
+        return _lowest((*self.pnus, *(pnu for _, pnus in self.items for pnu in pnus)))
 
 
 class Unsaved:
@@ -87,9 +97,11 @@ class Unsaved:
     Jobs are heard of when they are over, which is not the order in which they were asked.
     """
 
-    __slots__ = ("_done", "_doubts", "_open", "_saves")
+    __slots__ = ("_done", "_doubts", "_open", "_saves", "family")
 
     def __init__(self) -> None:
+        self.family: str | None = None
+        """Whose parameters they are."""
         self._done: dict[Target, _Changes] = {}
         self._open: dict[Target, _Changes] = {}
         self._saves: dict[Target | None, Moment] = {}
@@ -97,7 +109,7 @@ class Unsaved:
         self._doubts: dict[Target | None, Moment] = {}
         """The newest one that may have reached other drive objects, too, or may have failed."""
 
-    def change(self, moment: Moment, target: Target, *, seen: bool) -> None:
+    def change(self, moment: Moment, target: Target, pnus: Pnus, *, seen: bool) -> None:
         """A change of parameters that can be saved; `seen`: with success, else its outcome is not known."""
         own = self._saves.get(target, _NEVER) if target.is_known() else _NEVER
         if moment < max(own, self._saves.get(None, _NEVER)):
@@ -108,7 +120,7 @@ class Unsaved:
         changes = self._done if seen and not perhaps else self._open
         if target not in changes and len(changes) >= known().history:
             changes, target = self._open, _ANYWHERE
-        changes.setdefault(target, _Changes()).add(moment)
+        changes.setdefault(target, _Changes()).add(moment, pnus)
 
     def save_all(self, moment: Moment, *, seen: bool) -> None:
         """p0977: whatever was changed before is saved, if that was accepted."""
@@ -141,17 +153,28 @@ class Unsaved:
                 self._open.setdefault(target, _Changes()).append(changes.take(moment))
 
     def told(self) -> dict[str, Any] | None:
-        """Count, targets, and the first and the last frame of what is not saved; None where nothing is."""
-        done = [each for each in self._done.values() if each.count()]
+        """Count, parameters, targets, first and last frame of what is not saved; None where nothing is.
+
+        `axis` is that of all of them; None where a slot decides, or axis 0, or where there are several.
+        """
+        targets = [target for target, each in self._done.items() if each.count()]
+        done = [self._done[target] for target in targets]
         if not done:
             return None
+        alone = targets[0] if len(targets) == 1 and not targets[0].local else _ANYWHERE
         return {
+            "pnus": list(_lowest(tuple(pnu for each in done for pnu in each.named()))),
+            "axis": alone.first or None,
             "count": sum(each.count() for each in done),
             "unknown": sum(each.count() for each in self._open.values()),
             "targets": len(done),
             "first": min(each.first() for each in done),
             "last": max(each.last() for each in done),
         }  # fmt: skip
+
+
+def _lowest(pnus: Pnus) -> Pnus:
+    return tuple(sorted(set(pnus))[:NAMED])
 
 
 def _reaches(saved: Target | None, target: Target) -> bool:

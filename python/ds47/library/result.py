@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     import pandas
     import pyarrow  # type: ignore[import-untyped]
 
-TELEGRAM: Final = "telegram"
 """A column that only tables of the library have: a report writes rows before it knows."""
 _KINDS: Final = {"int64": "Int64", "string": "string", "double": "float64"}
 """Types of pandas by those of Arrow, for columns that may lack a value."""
@@ -76,6 +75,7 @@ class Result:
 
     def __init__(self, capture: CaptureResult) -> None:
         self._capture = capture
+        Telegrams.tell(capture)
 
     def __iter__(self) -> Iterator[Transaction]:
         return iter(self._capture.transactions)
@@ -260,7 +260,7 @@ class Result:
         return json.document(Report([self._capture]))
 
     def to_frame(self) -> pandas.DataFrame:
-        """A table with a row for each parameter and the columns of `ds47 report -f csv`, and `telegram`.
+        """A table with a row for each parameter and the columns of `ds47 report -f csv`.
 
         `values` and `scaled` are lists, `start` is a time of pandas in UTC. Whole numbers and texts are of the
         types of pandas that may lack. A transaction without parameters has one row.
@@ -269,46 +269,39 @@ class Result:
             NotReadyError: pandas is not installed; the text says how to install it.
         """
         pandas = _needed("pandas", "to_frame", "pandas")
-        table = pandas.DataFrame(list(self._rows()), columns=[*csv.COLUMNS, TELEGRAM])
+        table = pandas.DataFrame(list(self._rows()), columns=list(csv.COLUMNS))
         table["start"] = pandas.to_datetime(table["start"], utc=True, errors="coerce")
         kinds = {
             name: _KINDS[each["arrow"]]
             for name, each in parquet.columns("csv").items()
             if name not in ("start", "values", "scaled")  # a time, and lists
         }
-        return table.astype(kinds | {TELEGRAM: "Int64"})
+        return table.astype(kinds)
 
     def to_arrow(self) -> pyarrow.Table:
-        """A table with a row for each value and the columns of `ds47 report -f parquet`, and `telegram`.
+        """A table with a row for each value and the columns of `ds47 report -f parquet`.
 
         polars, DuckDB and pandas take it as it is.
 
         Raises:
             NotReadyError: pyarrow is not installed; the text says how to install it.
         """
-        arrow = _needed("pyarrow", "to_arrow", "parquet")
+        _needed("pyarrow", "to_arrow", "parquet")
         columns = parquet.Columns()
         for each in self:
             columns.add(self.path, each)
-        table = columns.table()
-        known = {each.id: self.telegram(each) for each in self}
-        numbers = [known[number] for number in table.column("transaction").to_pylist()]
-        about = {
-            "description": "PROFIdrive telegram of the drive object, where the capture tells it."
-        }
-        field = arrow.field(TELEGRAM, arrow.int64(), metadata=about)
-        return table.append_column(field, arrow.array(numbers, arrow.int64()))
+        return columns.table()
 
     def _rows(self) -> Iterator[list[Any]]:
         path = parquet.utf8(self.path)
         for each in self:
-            left, telegram = [path, *contract.transaction_cells()(each, "en")], self.telegram(each)
+            left = [path, *contract.transaction_cells()(each, "en")]
             for item, right in contract.rows(each):
                 told: list[Any] = [None] * len(csv.PARAMETER_COLUMNS)
                 if item is not None:
                     values, error = [item.values, item.scaled], contract.error_cells(item, "en")
                     told = [*contract.head_cells(item, "en"), *values, *error]
-                yield [*left, *told, *right, telegram]
+                yield [*left, *told, *right]
 
 
 def _subindices(item: Parameter) -> range:

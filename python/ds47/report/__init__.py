@@ -120,6 +120,9 @@ class Writer:
         self.stream = stream
         self.options = options or ReportOptions()
 
+    def whole(self, result: CaptureResult) -> None:
+        """Hears of a capture of which everything is known, before its transactions come one by one."""
+
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         """Takes one finished transaction of the capture `path` with the findings about it."""
 
@@ -168,6 +171,7 @@ def write_one(writer: Writer, result: CaptureResult) -> None:
 
 def _replay(writer: Writer, result: CaptureResult) -> None:
     """Hands over a complete result as a streaming analysis would."""
+    writer.whole(result)
     by_transaction: dict[int | None, list[Finding]] = {}
     for finding in result.findings:
         by_transaction.setdefault(finding.transaction, []).append(finding)

@@ -400,6 +400,10 @@ TRANSACTION = Shape("transaction", (
         "in a format that is written as it comes, by what came before.", later=True,
         column="Number of the drive object that the request is proved to reach; null where none is.",
         field=("Drive object", "uint16", "DEC")),
+    Key("telegram", whole(1, 999, maybe=True), "PROFIdrive telegram of the drive object: p0922 as it was read or "
+        "written last, else the only one with the lengths of the cyclic data; in a format that is written as it "
+        "comes, p0922 by what came before.", later=True,
+        column="PROFIdrive telegram of the drive object; null where nothing tells it."),
     Key("frames", {}, shape=FRAMES),
     Key("start", TEXT | {"pattern": _TIME}, into="start_ns", take=take_time,
         column="Time of the first frame, UTC, to the nanosecond.", field=("Start (UTC)", "string")),

@@ -19,10 +19,11 @@ from functools import cache, lru_cache
 from json import dumps
 from typing import Any, ClassVar, TextIO
 
-from ds47.model import Finding, Parameter, Report, Transaction, Value
+from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction, Value
 from ds47.report import ReportOptions, contract, is_text, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import escape
+from ds47.report.targets import Following, Telegrams
 from ds47.report.values import about, of_kind
 
 TRANSACTION_COLUMNS = tuple(each.name for each in contract.TRANSACTION_COLUMNS)
@@ -77,8 +78,16 @@ class Writer(Table):
     streams: ClassVar[bool] = True
     header: ClassVar[Sequence[str]] = COLUMNS
 
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
+        super().__init__(stream, options)
+        self._telegrams = Following()
+
+    def whole(self, result: CaptureResult) -> None:
+        Telegrams.tell(result)
+
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         lang = self.options.lang
+        self._telegrams.tell(path, transaction)
         left = f"{_guarded(path)},{_left()(transaction, lang)}"
         for parameter, right in contract.rows(transaction):
             told = _EMPTY if parameter is None else _parameter(parameter, lang)

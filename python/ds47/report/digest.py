@@ -51,10 +51,10 @@ class Who(NamedTuple):
     transactions: Both
     telegram: Both | None = None
 
-    def words(self, lang: str) -> str:
-        """`telegram 102  8 transactions, 1 partial`."""
-        told = (self.telegram, self.transactions)
-        return "  ".join(each.text(lang) for each in told if each is not None)
+    def words(self, lang: str, between: str = "  ") -> str:
+        """`8 transactions, 1 partial  DO 3: telegram 102 without PKW`."""
+        told = (self.transactions, self.telegram)
+        return between.join(each.text(lang) for each in told if each is not None)
 
 
 class Digest(NamedTuple):

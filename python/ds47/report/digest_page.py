@@ -10,9 +10,9 @@ from typing import Final
 from ds47.report.digests import Digests
 from ds47.report.heading import Heading
 from ds47.report.html import shell
-from ds47.report.summary import about
+from ds47.report.summary import station
 
-DRIVES: Final = 8
+DRIVES: Final = 4
 _SCRIPTS: Final = ("base", "page")
 
 
@@ -27,6 +27,6 @@ class Writer(Digests):
             "all": self,
             "called": shell.names(self.paths),
             "drives": DRIVES,
-            "about": about,
+            "station": station,
         }
         self.stream.write(templates.get_template("digest.html.j2").render(known))

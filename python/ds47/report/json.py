@@ -29,6 +29,7 @@ from ds47.model import (
 from ds47.report import SCHEMA, ReportOptions, contract, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import values as meanings
+from ds47.report.targets import Telegrams
 from ds47.report.values import about
 from ds47.spec.units import milliseconds as milliseconds
 from ds47.spec.units import status as status
@@ -177,6 +178,7 @@ def capture_head(result: CaptureResult) -> dict[str, Any]:
 
 def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
     """A capture as an object of the contract, its texts in "en" or "zh"."""
+    Telegrams.tell(result)
     return _without_empty(contract.CAPTURE.plain(result, lang))
 
 
@@ -218,6 +220,7 @@ class Writer(_Writer):
             self.stream.write(",")
         else:
             self._begin()
+        Telegrams.tell(result)
         write_line = self.stream.write
         write_line("\n" + text(capture_head(result))[:-1])
         self._lines("devices", (text(device(each)) for each in result.devices))

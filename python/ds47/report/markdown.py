@@ -95,7 +95,7 @@ class Writer(Digests):
     def _drives(self, digest: Digest) -> Iterator[tuple[str, ...]]:
         for each in digest.drives[:DRIVES]:
             name = code(each.device.station) if each.device.station else ""
-            yield plain(each.device.ip), name, self._text(each.transactions)
+            yield plain(each.device.ip), name, plain(each.words(self.options.lang, "; "))
         if left_out := digest.drives[DRIVES:]:
             yield self._text(say("more_drives", n=len(left_out))), "", ""
 

@@ -18,6 +18,7 @@ from typing import ClassVar, TextIO
 from ds47.model import CaptureResult, Finding, Report, Transaction
 from ds47.report import ReportOptions, json, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.targets import Following, Telegrams
 
 
 def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
@@ -35,8 +36,16 @@ class Writer(_Writer):
 
     streams: ClassVar[bool] = True
 
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
+        super().__init__(stream, options)
+        self._telegrams = Following()
+
+    def whole(self, result: CaptureResult) -> None:
+        Telegrams.tell(result)
+
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         lang = self.options.lang
+        self._telegrams.tell(path, transaction)
         line = json.transaction_line(transaction, lang)
         about = json.text([json.finding(each, lang) for each in findings]) if findings else "[]"
         self.stream.write(

@@ -18,9 +18,10 @@ from importlib import import_module
 from typing import Any, BinaryIO, ClassVar, TextIO
 
 from ds47 import spec
-from ds47.model import Finding, Parameter, Report, Transaction, Value
+from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction, Value
 from ds47.report import CannotWriteError, ReportOptions, contract, schema, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.targets import Following, Telegrams
 from ds47.spec.extras import install
 from ds47.version import __version__
 
@@ -61,6 +62,7 @@ class Writer(_Writer):
             ) from problem
         stream.flush()
         self._columns = Columns(self.options.lang)
+        self._telegrams = Following()
         schema = self._columns.schema
         self._file = parquet.ParquetWriter(
             arrow.PythonFile(_Sink(stream.buffer), "w"),
@@ -70,7 +72,11 @@ class Writer(_Writer):
             use_dictionary=[each.name for each in schema if each.type == arrow.string()],
         )
 
+    def whole(self, result: CaptureResult) -> None:
+        Telegrams.tell(result)
+
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
+        self._telegrams.tell(path, transaction)
         self._columns.add(path, transaction)
         if self._columns.packed >= ROWS_PER_GROUP:
             self._group()

@@ -255,6 +255,8 @@ class _Shown(dict[str, str]):
             return part(value, self._lang)
         if kind == "pnu" and value is not None:
             return spelling(value, self._args.get("family"))
+        if kind == "pnus" and value is not None:
+            return _values([spelling(each, self._args.get("family")) for each in value])
         return shown(kind, value)
 
 

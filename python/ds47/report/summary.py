@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from ds47.findings.grouping import headlines
 from ds47.model import CaptureResult, Device, Diagnosis, Finding
 from ds47.report import ReportOptions
-from ds47.report.bilingual import say, say_in
+from ds47.report.bilingual import Both, say, say_in
 from ds47.report.clock import Clock, seen_at
 from ds47.report.digest import times_of, who
 from ds47.report.file_frames import FileFrames
@@ -84,22 +84,30 @@ class Opening:
         drives = who(result, counts)
         ours = {each.device.ip for each in drives}
         others = [each for each in result.devices if each.ip not in ours]
-        texts = ["  " + each.words(self._lang) for each in drives]
+        texts = [("  " + each.transactions.text(self._lang), each.telegram) for each in drives]
         devices = [each.device for each in drives]
         yield from self._devices("drives_head", "more_drives", devices, texts)
-        yield from self._devices("other_devices_head", "more_devices", others, [""] * len(others))
+        yield from self._devices(
+            "other_devices_head", "more_devices", others, [("", None)] * len(others)
+        )
 
     def _devices(
-        self, title: str, more: str, items: Sequence[Device], counts: Sequence[str]
+        self,
+        title: str,
+        more: str,
+        items: Sequence[Device],
+        texts: Sequence[tuple[str, Both | None]],
     ) -> Iterator[str]:
         if not items:
             return
         yield from self._title(title)
         shown = items[:DRIVES]
         width = max(len(escape(each.ip)) for each in shown)
-        for each, text in zip(shown, counts, strict=False):
+        for each, (text, telegram) in zip(shown, texts, strict=False):
             line = f"  {escape(each.ip):<{width}}{about(each, self._lang)}{text}".rstrip()
             yield from fitted(line, self._options.columns)
+            if telegram is not None:
+                yield from fitted("      " + telegram.text(self._lang), self._options.columns)
         if len(items) > DRIVES:
             yield "  " + self._say(more, n=len(items) - DRIVES)
 

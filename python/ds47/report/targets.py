@@ -10,10 +10,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from ds47.model import DS47, ODD, PZD, REFUTED, CaptureResult, Transaction
-from ds47.profidrive.drive_objects import LOCAL, DriveObjects, Identity, access_of
+from ds47.model import DS47, ODD, PKW, PZD, REFUTED, CaptureResult, Transaction
+from ds47.profidrive.drive_objects import (
+    DO_IDENTIFICATION,
+    LOCAL,
+    DriveObjects,
+    Identity,
+    access_of,
+)
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.sentences import slot_number
+from ds47.spec.cyclic import telegrams
 
 ANSWERED = ("ok", "partial", "error")
 """States of a transaction with a response."""
@@ -22,7 +29,8 @@ ANSWERED = ("ok", "partial", "error")
 _Way = tuple[str, int | None, int | None, int | None, int | None, int | None]
 _WAYS: Final = 4096
 _SELECTION: Final = 922
-"""The parameter with the telegram of a drive object; 999 is free configuration."""
+"""The parameter that says the telegram of a drive object; 999 is free configuration."""
+_TELLING: Final = (_SELECTION, DO_IDENTIFICATION)
 _LOCAL: Final = (LOCAL, None)
 """Record indices of requests that reach the drive object of their submodule; PKW has none."""
 
@@ -96,23 +104,52 @@ def slot(item: Transaction) -> str:
 class Telegrams:
     """The PROFIdrive telegrams of one capture.
 
-    The drive says them in p0922. If nobody reads that, the lengths of cyclic data may leave only one.
+    The drive itself says them in p0922. Where nobody asks for that, the lengths of cyclic data may leave only one.
+    Without a result nothing is known yet, and `transaction` brings it.
     """
 
-    def __init__(self, result: CaptureResult, targets: Targets | None = None) -> None:
-        told = list(_told(result.evidence))
-        self._targets = targets or Targets(result.evidence if told else ())
-        self._said: dict[Identity, tuple[str, int]] = {
-            self._targets.identity(item, _SELECTION): (item.device, number) for item, number in told
+    def __init__(self, result: CaptureResult | None = None, targets: Targets | None = None) -> None:
+        told = [] if result is None else list(_told(result.evidence))
+        self._targets = targets or Targets(result.evidence if result and told else ())
+        self._said: dict[Identity, tuple[Transaction, int]] = {
+            self._targets.identity(item, _SELECTION): (item, number) for item, number in told
         }
+        sure = [
+            each
+            for each in (result.entire.relations if result else ())
+            if each.certainty not in (ODD, REFUTED)
+        ]
         self._lengths = {
             (each.device, each.slot): each.telegrams[0]
-            for each in result.entire.relations
-            if each.channel == PZD
-            and len(each.telegrams) == 1
-            and each.certainty not in (ODD, REFUTED)
+            for each in sure
+            if each.channel == PZD and len(each.telegrams) == 1
         }
+        self._pkw = {(each.device, each.slot) for each in sure if each.channel == PKW}
         self._slots = {(item.device, item.slot) for item, _ in told}
+        self._ppos = {
+            f"dp{each.address}": f"PPO{each.ppo}"
+            for each in (result.bus.stations if result and result.bus else ())
+            if each.ppo is not None
+        }
+
+    @classmethod
+    def tell(cls, result: CaptureResult) -> None:
+        """Gives the transactions of a capture their telegrams."""
+        known = cls(result)
+        if known._said or known._lengths:
+            for each in result.transactions:
+                each.telegram = known.of(each)
+
+    def transaction(self, item: Transaction) -> None:
+        """Takes one more transaction; most say nothing of it."""
+        for each in item.parameters:
+            if each.error is not None or each.pnu in _TELLING:
+                break
+        else:
+            return
+        self._targets.transaction(item)
+        for _, number in _told((item,)):
+            self._said[self._targets.identity(item, _SELECTION)] = item, number
 
     def of(self, item: Transaction) -> int | None:
         """The telegram of the drive object that a transaction reaches; None if unknown."""
@@ -123,23 +160,56 @@ class Telegrams:
         return self._lengths.get((item.device, item.slot))
 
     def words(self, ip: str) -> Both | None:
-        """`telegram 102` (the device says so), `lengths fit telegram 1`; None if unknown."""
-        said = {number for device, number in self._said.values() if device == ip}
-        lengths = {
-            number
-            for place, number in self._lengths.items()
-            if place[0] == ip and place not in self._slots
-        }
-        found = [
-            say(key, numbers=", ".join(map(str, sorted(numbers))))
-            for key, numbers in (("drive_telegram", said), ("drive_lengths", lengths))
-            if numbers
-        ]
-        return joined(found) if found else None
+        """`DO 2, DO 3: telegram 105 without PKW` of a device, as it says, `slot 2: lengths fit telegram 1 ...`.
+
+        Where no telegram is known, whether there is PKW: `PPO2: PKW`. None where nothing tells it.
+        """
+        places: dict[tuple[str, int], list[str]] = {}
+        for identity, (item, number) in self._said.items():
+            if identity.device == ip:
+                reached = self._targets.drive_object(item)
+                where = slot(item) if reached is None else f"DO {reached}"
+                places.setdefault(("drive_telegram", number), []).append(where)
+        for key in {*self._lengths, *self._pkw} - self._slots:
+            device, place = key
+            if device == ip:
+                where = self._ppos.get(ip, "") if place is None else f"slot {place}"
+                known = self._lengths.get(key)
+                kind = "drive_only_pkw" if known is None else "drive_lengths"
+                places.setdefault((kind, known or 0), []).append(where)
+        found = [_named(*which, where) for which, where in places.items()]
+        found.sort(key=lambda each: (len(each[0]), each))
+        return joined([words for _, words in found], "; ", "；") if found else None
 
 
-def _told(transactions: list[Transaction]) -> Iterator[tuple[Transaction, int]]:
-    """Transactions with the telegram of a drive object, and its number."""
+class Following:
+    """The telegrams of captures of which each transaction is written when it is over, by what came before."""
+
+    def __init__(self) -> None:
+        self._path = ""
+        self._known = Telegrams()
+
+    def tell(self, path: str, item: Transaction) -> None:
+        """Gives a transaction its telegram, if nobody did."""
+        if path != self._path:
+            self._path, self._known = path, Telegrams()
+        self._known.transaction(item)
+        if item.telegram is None:
+            item.telegram = self._known.of(item)
+
+
+def _named(key: str, number: int, places: list[str]) -> tuple[str, Both]:
+    """Which drive objects have a telegram, and that with them; whether it has PKW where that is known."""
+    known = telegrams().get(number)
+    unknown = known is None or not known.is_known
+    pkw = Both.same("") if unknown else say("drive_pkw" if known.pkw else "drive_no_pkw")
+    words = say(key, number=str(number), pkw=pkw)
+    where = ", ".join(sorted(filter(None, set(places)), key=lambda each: (len(each), each)))
+    return where, words if not where else say("drive_place", where=where, words=words)
+
+
+def _told(transactions: Iterable[Transaction]) -> Iterator[tuple[Transaction, int]]:
+    """Transactions that say the telegram, and which."""
     for item in transactions:
         if item.state not in ("ok", "partial") or item.operation not in ("read", "change"):
             continue

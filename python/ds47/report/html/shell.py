@@ -52,6 +52,7 @@ def known(templates: Any, lang: str, scripts: Sequence[str]) -> dict[str, Any]:
         "both": words.pair,
         "label": words.attributes,
         "label_of": words.attribute,
+        "terms": words.terms,
         "style": embed.safe_style(_source(templates, "page.css")),
         "script": embed.safe_script(script),
         "policy": embed.policy(script),

@@ -17,7 +17,7 @@ from markupsafe import Markup, escape
 from ds47.report.bilingual import LANGUAGES, Both, filled, joined
 from ds47.spec.reporting import command_words, report_words
 
-_FOR_SCRIPT = ("js_", "state_", "about_", "operation_")
+_FOR_SCRIPT = ("js_", "state_", "about_", "operation_", "term_")
 
 __all__ = ["LANGUAGES", "Both", "PageWords", "joined", "say", "texts"]
 
@@ -53,6 +53,10 @@ class PageWords:
     def attributes(self, name: str, key: str, **values: Any) -> Markup:
         """An attribute (title, aria-label, placeholder); the script updates it when the language changes."""
         return self.attribute(name, say(key, **values))
+
+    def terms(self, *names: str) -> Markup:
+        """A title that explains terms, a line each."""
+        return self.attribute("title", joined([say(f"term_{each}") for each in names], "\n", "\n"))
 
     def attribute(self, name: str, text: Both) -> Markup:
         """The same for a `Both`."""

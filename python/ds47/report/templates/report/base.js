@@ -36,6 +36,18 @@ function say(key, values = {}) {
   return (String(values.n) === "1" ? one : several).replace(/\{(\w+)\}/g, (all, name) => (name in values ? String(values[name]) : all));
 }
 
+// What is explained by which terms of the glossary: heads of columns, facts, parts of a message.
+const TERMS = {
+  col_id: ["transaction"], col_axis: ["axis", "drive_object"], col_what: ["pnu", "subindex"], col_parameter: ["pnu", "subindex"],
+  col_state: ["state"], col_findings: ["finding"], col_reason: ["error_number", "status"], trail_way: ["access_point", "record_index"],
+  channel: ["access_point", "record_index"], reference: ["reference"], axis: ["axis", "drive_object"], address: ["pnu", "subindex"],
+};
+
+/** The terms with a text, a line each; null for none. */
+function terms(words) {
+  return TERMS[words]?.map((each) => say(`term_${each}`)).join("\n") ?? null;
+}
+
 /** The name of a state of a transaction, that of every report. */
 function stateName(state) {
   return say(`state_${state}`);

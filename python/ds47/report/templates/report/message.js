@@ -8,7 +8,7 @@ const RESPONSE_IDS = { 1: "id_read_ok", 2: "id_change_ok", 0x81: "id_read_bad", 
 const ZERO = 0x40;
 const ERROR = 0x44;
 
-/** The parts of a request or response: [{offset, bytes, text, wrong}]. */
+/** The parts of a request or response: [{offset, bytes, text, wrong, title}]. */
 class Parts {
   constructor(capture, hex, parameters) {
     const [shown, more] = hex.split("+");
@@ -28,18 +28,18 @@ class Parts {
     return this.at + size <= this.bytes.length;
   }
 
-  take(size, text, wrong = false) {
+  take(size, text, wrong = false, title = null) {
     const bytes = this.bytes.slice(this.at, this.at + size);
-    if (bytes.length) this.list.push({ offset: this.at, bytes, text, wrong });
+    if (bytes.length) this.list.push({ offset: this.at, bytes, text, wrong, title });
     this.at += bytes.length;
   }
 
   header(ids, words) {
     const known = ids[this.byte(1)];
     const name = say(known || "id_other", { hex: this.bytes[1] ? this.bytes[1].toUpperCase() : "" });
-    this.take(1, say("reference", { n: this.byte(0) }));
+    this.take(1, say("reference", { n: this.byte(0) }), false, terms("reference"));
     this.take(1, say(words, { text: name }), words === "response_id" && this.byte(1) >= 0x80);
-    this.take(1, say("axis", { n: this.byte(2) }));
+    this.take(1, say("axis", { n: this.byte(2) }), false, terms("axis"));
     this.take(1, say("count", { n: this.byte(3) }));
     return known;
   }
@@ -53,7 +53,7 @@ class Parts {
       this.take(6, say("address", {
         text: item ? item.text : this.capture.spelling(this.byte(this.at + 2) * 256 + this.byte(this.at + 3)),
         attribute: item && item.attribute ? item.attribute : `0x${hex2(this.byte(this.at))}`, n: this.byte(this.at + 1),
-      }));
+      }), false, terms("address"));
     }
     if (known === "id_change") for (let number = 0; number < count && this.block(number); number += 1);
     return this.rest();
@@ -109,7 +109,7 @@ function messageTable(capture, hex, kind, parameters) {
   const parts = new Parts(capture, hex, parameters);
   const rows = parts[kind]().map((part) => el("tr", { class: part.wrong ? "wrong" : null },
     el("td", { class: "number dim" }, String(part.offset)),
-    el("td", { class: "hex" }, part.bytes.join(" ")), el("td", {}, part.text)));
+    el("td", { class: "hex" }, part.bytes.join(" ")), el("td", { title: part.title }, part.text)));
   if (parts.more) rows.push(el("tr", {}, el("td", { colspan: 3, class: "dim" }, say("cut", { n: grouped(parts.more) }))));
   const heads = [["offset", "number"], ["bytes", ""], ["meaning", ""]];
   return el("table", { class: "bytes" },

@@ -12,7 +12,7 @@ const PERCENTS = [[50, null, "#7b8794"], [95, "7 4", "#d08a1d"], [99, "2 3", "#c
 const WIDE = 20; // from this ratio on an axis of durations is logarithmic
 const WIDE_VALUES = 1000;
 const BINS = 48;
-const LOAD_KINDS = ["good", "orphan", "open", "bad"];
+const LOAD_KINDS = { good: "ok", orphan: "orphan", open: "open", bad: "failed" }; // from kind to what the legend says
 
 class Plots {
   constructor(place, capture, partly) {
@@ -186,7 +186,7 @@ class Plots {
     }
     const seconds = Math.max(end - begin, 1e-3);
     const width = (seconds * 1.0001) / BINS;
-    const kinds = Object.fromEntries(LOAD_KINDS.map((kind) => [kind, new Array(BINS).fill(0)]));
+    const kinds = Object.fromEntries(Object.keys(LOAD_KINDS).map((kind) => [kind, new Array(BINS).fill(0)]));
     for (const row of capture.rows) {
       const kind = capture.kinds[capture.state(row)];
       kinds[kind][Math.min(BINS - 1, Math.floor((capture.get(row, "start") / 1e6 - begin) / width))] += 1;
@@ -197,8 +197,8 @@ class Plots {
     const [canvas] = this.frame("plot_load", text);
     const chart = new Chart(this.time, countAxis(Object.values(kinds).reduce((sums, more) => sums.map((sum, at) => sum + more[at]))));
     let under = new Array(BINS).fill(0);
-    for (const kind of LOAD_KINDS) {
-      const words = seen.filter((state) => capture.kinds[state] === kind).map(stateName).join(say("separator"));
+    for (const kind of Object.keys(LOAD_KINDS)) {
+      const words = stateName(LOAD_KINDS[kind]);
       const bars = kinds[kind].map((number, at) => ({ left: begin + at * width, right: begin + (at + 1) * width, bottom: under[at], top: under[at] + number, number })).filter(({ number }) => number);
       const tell = (bar) => [[say("col_time"), `${capture.clock.both(bar.left * 1e6)} – ${capture.clock.both(bar.right * 1e6)}`], [words, grouped(bar.number)]];
       if (bars.length) chart.add("bars", bars, { color: COLOR[kind], filled: 0.8, width: 0, words, tell });

@@ -33,7 +33,7 @@ class Table {
     });
     this.body = el("tbody");
     this.heads = this.columns.map((column) => el("th", { scope: "col", class: column.number ? "number" : null },
-      el("button", { type: "button", title: say("sort", { column: say(column.words) }), onclick: () => this.sortBy(column) }, say(column.words))));
+      el("button", { type: "button", title: [terms(column.words), say("sort", { column: say(column.words) })].filter(Boolean).join("\n"), onclick: () => this.sortBy(column) }, say(column.words))));
     this.table = el("table", { class: "grid", "aria-label": say(this.name) }, el("thead", {}, el("tr", {}, this.heads)), this.body);
     this.count = el("span", { class: "count", role: "status" });
     const turn = (sign, words, to) => el("button", { type: "button", "aria-label": say(words), title: say(words), onclick: () => this.turn(to()) }, sign);

@@ -117,7 +117,7 @@ function detail(capture, row) {
     el("div", {},
       messages.length ? el("ul", { class: "found" }, messages) : null,
       el("p", { class: "plc" }, either(capture.plc[capture.get(row, "plc")])),
-      el("dl", { class: "facts" }, facts.flatMap(([words, text]) => [el("dt", {}, say(words)), el("dd", {}, text)]),
+      el("dl", { class: "facts" }, facts.flatMap(([words, text]) => [el("dt", { title: terms(words) }, say(words)), el("dd", {}, text)]),
         describedFacts(capture.parameters(row)),
         el("dt", {}, say("filter")), el("dd", {}, el("code", { class: "copyable" }, filter), " ", el("button", { type: "button", class: "copy", "data-copy": true }, say("copy")))),
       el("h3", {}, say("conversation")), sequence(capture, row)),
