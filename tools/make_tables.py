@@ -23,7 +23,7 @@ from typing import Any
 
 from ds47 import __version__, spec
 from ds47.report import contract, csv
-from ds47.spec import codes, cyclic, descriptions, explanations, profibus, semantics
+from ds47.spec import codes, cyclic, descriptions, explanations, maker_names, profibus, semantics
 from ds47.spec.reporting import report_words
 from ds47.spec.rows import Row
 
@@ -108,6 +108,7 @@ EXPLAIN_WORDS = (
     "parts", "plc", "causes", "look", "filter", "plugin_filter", "or", "nothing", "more", "status",
     "bytes_reversed", "bytes_shifted", "error", "vendor_error", "unconfirmed", "documented", "usual",
     "unknown_status", "unknown_part", "info_none", "info_subindex", "info_unknown", "list_separator",
+    "look_in_manual", "maker_with_id",
     "part_separator", "separator", "bracket", "advice", "plc_itself", "second",
 )  # fmt: skip
 """Words of explain.toml that an explanation of a status or of an error number needs."""
@@ -218,14 +219,17 @@ def _codes() -> Iterator[str]:
 def _fallback() -> Iterator[str]:
     # The only text that no public function of the loader gives without its number filled in.
     fallback: dict[str, str] = spec._load("errors.toml")["fallback"]
-    of_maker: dict[str, str] = spec._load("errors.toml")["of_maker"]
     yield f"M.error_fallback = {literal({lang: fallback[lang] for lang in LANGUAGES})}"
-    yield f"M.error_of_maker = {literal(of_maker)}"
+    for key in ("of_maker", "in_manual", "no_maker"):
+        yield f"M.error_{key} = {literal(spec._load('errors.toml')[key])}"
     yield f"M.error_makers = {{first = {spec.MAKERS[0]}, last = {spec.MAKERS[-1]}}}"
 
 
 def _vendors() -> Iterator[str]:
-    yield from block("M.vendors", [fields(vendor, ("name", "id")) for vendor in spec.vendors()])
+    made = [fields(vendor, ("name", "id", "by_subindex")) for vendor in spec.vendors()]
+    yield from block(
+        "M.vendors", [{key: item for key, item in row.items() if item} for row in made]
+    )
     for number, vendor in enumerate(spec.vendors(), start=1):
         yield from rows(f"M.vendors[{number}].errors", vendor.errors, ERROR)
 
@@ -554,7 +558,7 @@ def _explain() -> Iterator[str]:
     for name, own in EXPLAINED.items():
         rows = [
             {"first" if key == "function" else key: item for key, item in row.items()}
-            for row in table[name]
+            for row in (explanations.errors() if name == "error" else table[name])
         ]
         yield from block(f"M.explain.{own}", rows)
     entry = explanations.of_unknown()
@@ -668,6 +672,7 @@ def generate() -> str:
         _fallback(),
         later("errors", rows("M.errors", spec.errors(), ERROR)),
         later("vendors", _vendors()),
+        later("vendor_names", table("M.vendor_names", maker_names.by_id(), key="0x{:04X}")),
         later("status", _status()),
         later("parameters", _parameters("M.parameters", makers=False)),
         later("drives", _parameters("M.drives", makers=True)),
