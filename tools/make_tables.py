@@ -23,7 +23,7 @@ from typing import Any
 
 from ds47 import __version__, spec
 from ds47.report import contract, csv
-from ds47.spec import codes, cyclic, descriptions, explanations, maker_names, profibus, semantics
+from ds47.spec import codes, cyclic, descriptions, explanations, profibus, semantics
 from ds47.spec.reporting import report_words
 from ds47.spec.rows import Row
 
@@ -672,7 +672,7 @@ def generate() -> str:
         _fallback(),
         later("errors", rows("M.errors", spec.errors(), ERROR)),
         later("vendors", _vendors()),
-        later("vendor_names", table("M.vendor_names", maker_names.by_id(), key="0x{:04X}")),
+        later("vendor_names", table("M.vendor_names", spec.vendor_names(), key="0x{:04X}")),
         later("status", _status()),
         later("parameters", _parameters("M.parameters", makers=False)),
         later("drives", _parameters("M.drives", makers=True)),

@@ -38,7 +38,7 @@ def test_error_texts() -> None:
     assert spec.error_text(0x6B, "zh", 0x002A) == "控制器使能时无修改权限"
     assert spec.error_text(0x6F, "en", 0x001A) == "Timeout"
     told = spec.error_text(0x6B, "en", 0x0493)
-    assert told == "Manufacturer-specific error 0x6B: see the manual of the device, vendor 0x0493"
+    assert told == "Manufacturer-specific error 0x6B: see the manual of rt-labs, vendor 0x0493"
     assert "SINAMICS" in spec.error_text(0x6B)
     assert spec.error_info_meaning(0x03) == "subindex"
     assert spec.error_info_meaning(0x00) == "none"

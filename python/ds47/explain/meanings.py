@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,8 +24,9 @@ from ds47.explain.forms import (
     UnknownFormError,
     read,
 )
+from ds47.explain.makers import Maker, called
 from ds47.profidrive.naming import spelling
-from ds47.spec import cyclic, explanations, maker_names, s7
+from ds47.spec import cyclic, explanations, s7
 from ds47.spec.explanations import Explanation
 from ds47.spec.statuses import status_hex, status_text
 
@@ -83,27 +82,6 @@ class CodeMeaning:
     filter: str | None
     plugin_filter: str | None
     rank: int
-
-
-@dataclass(frozen=True, slots=True)
-class Maker:
-    """A maker by its name, None where nobody knows whose the id is, and its id, None where no source has it."""
-
-    name: str | None
-    id: int | None = None
-
-
-def find_vendor(text: str) -> Maker:
-    """The vendor by its name, or by its PROFINET vendor id in hex (0x002A) or decimal.
-
-    Raises:
-        UnclearNameError: neither an id nor the name of one maker; it tells which names are near.
-    """
-    wanted = unicodedata.normalize("NFKC", text).strip()
-    if number := re.fullmatch(r"(?:0x|16#)([0-9a-f]{1,4})|([0-9]{1,5})", wanted.lower()):
-        value = int(number[1], 16) if number[1] else int(number[2])
-        return Maker(maker_names.by_id().get(value), value)
-    return Maker(*maker_names.find(wanted))
 
 
 def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[CodeMeaning]:
@@ -568,16 +546,8 @@ def _error(
     if whose is None or not entry.general:
         return meaning
     return replace(
-        meaning, look=words["look_in_manual"].format(code=code, maker=_called(whose, lang))
+        meaning, look=words["look_in_manual"].format(code=code, maker=called(whose, lang))
     )
-
-
-def _called(whose: Maker, lang: str) -> str:
-    """`Yaskawa (vendor 0x0213)`."""
-    if whose.id is None:
-        return whose.name or ""
-    name = maker_names.called(whose.id, lang)
-    return explanations.words(lang)["maker_with_id"].format(maker=name, vendor=f"0x{whose.id:04X}")
 
 
 # Words of cyclic frames

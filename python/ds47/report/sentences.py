@@ -146,9 +146,8 @@ def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> li
     parts = [part.strip() for part in _OF_ERROR.split(text) if part]
     wanted = [part for part in parts if part.startswith(seen)]
     wanted += [part for part in parts if not _OF_ERROR.match(part)]
-    if in_manual(code, args.get("vendor_id")) and not (
-        isinstance(row, Rule) and row.args["code"] == "pkw"
-    ):
+    of_ds47 = isinstance(row, Rule) and row.args.get("code") == "code"
+    if of_ds47 and in_manual(code, args.get("vendor_id")):
         wanted.insert(0, manual_of(code, args["vendor_id"], lang))
     return wanted or parts
 

@@ -425,9 +425,20 @@ def manual_of(code: int, vendor_id: int, lang: str) -> str:
     return _with_maker("in_manual", error_hex(code), vendor_id, lang)
 
 
-def _with_maker(key: str, code: str, vendor_id: int, lang: str) -> str:
-    from ds47.spec.maker_names import called  # only here: most captures have no such number
+@cache
+def vendor_names() -> Mapping[int, str]:
+    """The name of each PROFINET vendor id that is known. Most captures need none of them."""
+    listed = {number: name for name, ids in _load("vendors.toml")["ids"].items() for number in ids}
+    return listed | {each.id: each.name for each in vendors() if each.id is not None}
 
+
+def called(vendor_id: int, lang: str) -> str:
+    """`Yaskawa`, or `the device` where nobody knows whose the id is."""
+    of_none: Mapping[str, str] = _load("errors.toml")["no_maker"]
+    return vendor_names().get(vendor_id) or of_none["zh" if lang == "zh" else "en"]
+
+
+def _with_maker(key: str, code: str, vendor_id: int, lang: str) -> str:
     text = str(_load("errors.toml")[key]["zh" if lang == "zh" else "en"])
     return text.format(code=code, maker=called(vendor_id, lang), vendor=f"0x{vendor_id:04X}")
 

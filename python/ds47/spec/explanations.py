@@ -79,6 +79,7 @@ def _table() -> dict[str, Any]:
     return _load("explain.toml")
 
 
+@cache
 def _entry(table: str, number: int) -> Explanation:
     return _explanation(_table()[table][number])
 

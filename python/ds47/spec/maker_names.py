@@ -1,7 +1,4 @@
-"""Makers by name and by PROFINET vendor id: those with a file of their own, and those of vendors.toml.
-
-Nothing is loaded before somebody names a maker, or a drive refuses with a number of its maker.
-"""
+"""Makers by what people call them: those with a file of their own, and those of vendors.toml."""
 
 from __future__ import annotations
 
@@ -12,7 +9,8 @@ from typing import Final, NamedTuple
 
 from ds47.spec import _load, vendors
 
-
+LIKE: Final = 0.7
+"""How alike a name must be to be offered."""
 MOST_NEAR: Final = 8
 """Names that are offered where one is unclear."""
 
@@ -48,13 +46,6 @@ def _folded(name: str) -> str:
     return name.strip().lower().replace("ä", "ae").replace("ö", "oe").replace("ü", "ue")
 
 
-@cache
-def by_id() -> Mapping[int, str]:
-    """The name of each vendor id that is known."""
-    listed = {number: name for name, ids in _load("vendors.toml")["ids"].items() for number in ids}
-    return listed | {each.id: each.name for each in vendors() if each.id is not None}
-
-
 def find(text: str) -> Named:
     """The maker that a name, or a part of one, means, in any case.
 
@@ -68,11 +59,5 @@ def find(text: str) -> Named:
     if len({known[name] for name in parts}) == 1:
         return known[parts[0]]
     parts.sort(key=lambda name: (not name.startswith(wanted), name))
-    near = parts or difflib.get_close_matches(wanted, known)
+    near = parts or difflib.get_close_matches(wanted, known, cutoff=LIKE)
     raise UnclearNameError(text, list(dict.fromkeys(known[name].name for name in near))[:MOST_NEAR])
-
-
-def called(vendor_id: int, lang: str) -> str:
-    """`Yaskawa`, or `the device` where nobody knows whose the id is."""
-    of_none: Mapping[str, str] = _load("errors.toml")["no_maker"]
-    return by_id().get(vendor_id) or of_none["zh" if lang == "zh" else "en"]

@@ -232,6 +232,11 @@ request(
     [A(1, 65535, 2), A(1, 65535, 0)],
     findings=[F("DS308", 8, subindex=65535, count=2)],
 )  # fmt: skip
+for number in (0x81, 0x82):
+    request(
+        f"attribute-of-stoeber-{number:02x}", "attribute", f"01010101 {number:02x}01 2011 0000", (1, 1, 1, 1),
+        [A(8209, 0, 1, f"0x{number:02X}")],
+    )  # fmt: skip
 request(
     "bad-address", "attribute limits", "01010101 50ff 0000 ffff", (1, 1, 1, 1),
     [A(0, 65535, 255, "0x50")],
@@ -1081,7 +1086,7 @@ ANOTHER = 0xFEFE
 WITHOUT_TABLE = {
     ANOTHER: ("the device", "该设备"), 0x0213: ("Yaskawa", "Yaskawa"), 0x010B: ("Stöber", "Stöber"),
 }  # fmt: skip
-"""What the maker is called whose manual has the numbers: of no known id, of one with a name, of one with a file."""
+"""What the maker is called whose manual has the numbers: of an unknown id, of one with a name or a file."""
 WIDE = {0x0100, 0x0811, 0x0826, 0xFF02, 0xFFFF}
 """Error numbers beyond a byte, told for everyone: a low byte that the profile knows is no reason."""
 
