@@ -226,12 +226,14 @@ def _fallback() -> Iterator[str]:
 
 
 def _vendors() -> Iterator[str]:
-    made = [fields(vendor, ("name", "id", "by_subindex")) for vendor in spec.vendors()]
+    made = [fields(vendor, ("name", "id", "ids", "by_subindex")) for vendor in spec.vendors()]
     yield from block(
         "M.vendors", [{key: item for key, item in row.items() if item} for row in made]
     )
     for number, vendor in enumerate(spec.vendors(), start=1):
         yield from rows(f"M.vendors[{number}].errors", vendor.errors, ERROR)
+        if vendor.pkw:
+            yield from rows(f"M.vendors[{number}].pkw", vendor.pkw, ("en", "zh"))
 
 
 def _parameters(name: str, makers: bool) -> Iterator[str]:
@@ -462,8 +464,10 @@ def _pkw() -> Iterator[str]:
     texts = {
         code: {lang: cyclic.error_text(code, lang, spec.vendors()[0].id) for lang in LANGUAGES}
         for code in cyclic.error_codes()
+        if cyclic.error_text(code, "en", spec.vendors()[0].id)
     }
     yield from table("M.pkw.errors", texts, key="{}")
+    yield f"M.pkw.codes = {literal(cyclic.error_codes())}"
     families = {name: cyclic.error_codes(name) for name in cyclic.families()}
     yield from block("M.pkw.families", families)
 

@@ -205,10 +205,29 @@ def test_what_commands_say_of_a_maker(
     assert said in " ".join((told.out + told.err).split())
 
 
+@pytest.mark.parametrize(
+    ("code", "vendor", "said"),
+    [
+        (102, "toshiba", "Request not supported"), (102, "0x0190", "Request not supported"),
+        (201, "rexroth", "Invalid element in the request received last"),
+        (201, "siemens", "Above the limit that holds"), (103, "abb", "Communication error"),
+        (160, "abb", "Internal communication"),
+        (150, "rexroth", "Manufacturer-specific error 150: see the manual of Bosch Rexroth, vendor 0x0103"),
+    ],
+)  # fmt: skip
+def test_numbers_of_pkw_are_those_of_the_maker(
+    code: int, vendor: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["decode", "--as", "pkw-answer", "--vendor", vendor, f"70230000 0000{code:04X}"])
+    assert f"error number {code}: {said}" in " ".join(capsys.readouterr().out.split())
+
+
 def test_every_id_and_every_name_is_of_one_maker() -> None:
     listed = spec._load("vendors.toml")["ids"]
     ids = [number for each in listed.values() for number in each]
-    ids += [each.id for each in spec.vendors() if each.id is not None]
+    ids += [
+        number for each in spec.vendors() for number in (each.id, *each.ids) if number is not None
+    ]
     assert len(set(ids)) == len(ids)
     own = {name.lower() for each in spec.vendors() for name in (each.name, *each.also)}
     assert own.isdisjoint(name.lower() for name in listed)

@@ -218,7 +218,7 @@ end
 -- The vendors whose number it is: of the one with an id, or all that have it.
 local function makers(code, vendor_id)
   return arrays.filtered(tables.vendors, function(vendor)
-    return vendor.errors[code] and (vendor_id == nil or vendor.id == vendor_id)
+    return vendor.errors[code] and (vendor_id == nil or spec.vendor(vendor_id) == vendor)
   end)
 end
 

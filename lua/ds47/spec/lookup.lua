@@ -76,7 +76,9 @@ end
 
 --- The maker with this PROFINET vendor id; nil where it has no table of its own.
 function M.vendor(vendor_id)
-  return vendor_id and arrays.first(tables.vendors, function(each) return each.id == vendor_id end)
+  return vendor_id and arrays.first(tables.vendors, function(each)
+    return each.id == vendor_id or arrays.has(each.ids or {}, vendor_id)
+  end)
 end
 
 --- Whether a number is one of a maker without a table: its manual says what it means.

@@ -356,8 +356,10 @@ M.vendors = {
   {name = "ABB", id = 26},
   {name = "Danfoss", id = 128},
   {name = "KEB", id = 375},
+  {name = "Bosch Rexroth", id = 259, ids = {287}},
   {name = "SEW", id = 266},
   {name = "Stöber", id = 267},
+  {name = "Toshiba", id = 44, ids = {794, 400}},
   {name = "Vacon", id = 442, by_subindex = {[10001] = true}},
 }
 M.vendors[1].errors = {
@@ -412,6 +414,20 @@ M.vendors[2].errors = {
   [0x8C] = {code = 140, en = "Torque mode cannot be set", zh = "无法设置转矩模式", info = "unknown"},
   [0x90] = {code = 144, en = "Illegal request ID", zh = "请求标识错误", info = "unknown"},
 }
+M.vendors[2].pkw = {
+  [0x65] = {en = "Vendor error", zh = "制造商错误"},
+  [0x66] = {en = "Request not supported", zh = "不支持该请求"},
+  [0x67] = {en = "Communication error", zh = "通信错误"},
+  [0x6E] = {en = "Write to non-volatile memory failed", zh = "写入非易失性存储器失败"},
+  [0x6F] = {en = "Timeout", zh = "超时"},
+  [0x78] = {en = "PZD mapping failed", zh = "PZD 映射失败"},
+  [0x79] = {en = "Out of memory for PZD", zh = "PZD 内存不足"},
+  [0x7A] = {en = "Parameter mapped to PZD more than once", zh = "参数被多次映射到 PZD"},
+  [0x82] = {en = "Control word bit is mapped", zh = "控制字位已被映射"},
+  [0x8C] = {en = "Torque mode cannot be set", zh = "无法设置转矩模式"},
+  [0x96] = {en = "Internal buffer overflow", zh = "内部缓冲区溢出"},
+  [0xA0] = {en = "Internal communication error", zh = "内部通信错误"},
+}
 M.vendors[3].errors = {
   [0x65] = {code = 101, en = "Wrong axis: this axis does not allow it", zh = "轴错误：该轴不允许此操作", info = "unknown"},
   [0x66] = {code = 102, en = "Unknown service", zh = "未知的服务", info = "unknown"},
@@ -432,6 +448,12 @@ M.vendors[4].errors = {
   [0x6B] = {code = 107, en = "Invalid operation", zh = "操作无效", info = "unknown"},
 }
 M.vendors[5].errors = {
+}
+M.vendors[5].pkw = {
+  [0xC9] = {en = "Invalid element in the request received last", zh = "最后收到的任务中有无效元素"},
+  [0xCA] = {en = "Internal response ID cannot be mirrored", zh = "无法映射内部应答标识"},
+}
+M.vendors[6].errors = {
   [0x500] = {code = 1280, en = "Service failed, cause not known", zh = "服务失败，原因不明", info = "unknown"},
   [0x501] = {code = 1281, en = "Service not permitted", zh = "服务不允许", info = "unknown"},
   [0x502] = {code = 1282, en = "No response", zh = "无响应", info = "unknown"},
@@ -481,10 +503,15 @@ M.vendors[5].errors = {
   [0x825] = {code = 2085, en = "Encoder nameplate wrong", zh = "编码器铭牌错误", info = "unknown"},
   [0x829] = {code = 2089, en = "State of the PLC does not allow it", zh = "PLC 状态不允许", info = "unknown"},
 }
-spread(M.vendors[5].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
-M.vendors[6].errors = {
-}
+spread(M.vendors[6].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
 M.vendors[7].errors = {
+}
+M.vendors[8].errors = {
+}
+M.vendors[8].pkw = {
+  [0x66] = {en = "Request not supported", zh = "不支持该请求"},
+}
+M.vendors[9].errors = {
   [0x03] = {code = 3, en = "Invalid subindex; of PNU 10001: the drive has no parameter with this ID", zh = "错误的下标；对 PNU 10001：驱动器没有此 ID 的参数", info = "unknown"},
   [0x65] = {code = 101, en = "Invalid request reference", zh = "任务引用号无效", info = "unknown"},
   [0x66] = {code = 102, en = "Invalid request ID", zh = "任务标识无效", info = "unknown"},
@@ -2041,6 +2068,7 @@ M.pkw.errors = {
   [201] = {en = "Above the limit that holds at present", zh = "高于当前有效上限"},
   [204] = {en = "No right of access, or not in this state", zh = "没有访问权，或当前状态不适用"},
 }
+M.pkw.codes = {[0] = true, [1] = true, [2] = true, [3] = true, [4] = true, [5] = true, [6] = true, [7] = true, [8] = true, [9] = true, [10] = true, [11] = true, [12] = true, [13] = true, [15] = true, [16] = true, [17] = true, [18] = true, [19] = true, [20] = true, [101] = true, [102] = true, [103] = true, [104] = true, [105] = true, [106] = true, [107] = true, [110] = true, [111] = true, [120] = true, [121] = true, [122] = true, [130] = true, [134] = true, [135] = true, [140] = true, [150] = true, [160] = true, [200] = true, [201] = true, [202] = true, [204] = true}
 M.pkw.families = {
   ["MICROMASTER 4"] = {[0] = true, [1] = true, [2] = true, [3] = true, [4] = true, [5] = true, [6] = true, [7] = true, [11] = true, [12] = true, [17] = true, [101] = true, [102] = true, [104] = true, [106] = true, [200] = true, [201] = true, [204] = true},
   ["SINAMICS G120"] = {[0] = true, [1] = true, [2] = true, [3] = true, [4] = true, [5] = true, [6] = true, [7] = true, [11] = true, [12] = true, [15] = true, [17] = true, [20] = true, [101] = true, [102] = true, [104] = true, [106] = true, [107] = true, [134] = true, [135] = true, [200] = true, [201] = true, [204] = true},
@@ -2581,8 +2609,10 @@ M.explain.ranges = {
   ABB = {},
   Danfoss = {},
   KEB = {},
+  ["Bosch Rexroth"] = {},
   SEW = {{128, 255}},
   ["Stöber"] = {},
+  Toshiba = {},
   Vacon = {},
 }
 ]=]

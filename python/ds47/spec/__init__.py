@@ -96,7 +96,11 @@ class Vendor(Row):
     id: int | None
     errors: Mapping[int, ErrorNumber]
     also: tuple[str, ...] = ()
-    """Other names, in lower case."""
+    """Other names."""
+    ids: tuple[int, ...] = ()
+    """Further ids."""
+    pkw: Mapping[int, ErrorNumber] = MappingProxyType({})
+    """Error numbers of PKW."""
     by_subindex: frozenset[int] = frozenset()
     """PNUs whose subindex is the number of a parameter of the drive."""
 
@@ -352,16 +356,23 @@ def vendors() -> tuple[Vendor, ...]:
     return tuple(
         Vendor(
             name=row["name"], id=row.get("id"), errors=_error_rows(row.get("error", [])),
+            ids=tuple(row.get("ids", ())), pkw=_pkw(row),
             also=tuple(row.get("also", ())), by_subindex=frozenset(row.get("by_subindex", ())),
         )
         for row in makers()
     )  # fmt: skip
 
 
+def _pkw(row: Mapping[str, Any]) -> Mapping[int, ErrorNumber]:
+    """The numbers of PKW: of the table of the maker those that it has too, and its own."""
+    same = [each for each in row.get("error", ()) if each["code"] in row.get("also_pkw", ())]
+    return _error_rows([*same, *row.get("pkw", ())])
+
+
 @cache
 def vendor(vendor_id: int) -> Vendor | None:
     """The maker with this PROFINET vendor id; None where it has no file."""
-    return next((each for each in vendors() if each.id == vendor_id), None)
+    return next((each for each in vendors() if vendor_id in (each.id, *each.ids)), None)
 
 
 def _words(error: ErrorNumber, code: int, lang: str) -> str:
@@ -429,7 +440,8 @@ def manual_of(code: int, vendor_id: int, lang: str) -> str:
 def vendor_names() -> Mapping[int, str]:
     """The name of each PROFINET vendor id that is known. Most captures need none of them."""
     listed = {number: name for name, ids in _load("vendors.toml")["ids"].items() for number in ids}
-    return listed | {each.id: each.name for each in vendors() if each.id is not None}
+    own = {number: each.name for each in vendors() for number in (each.id, *each.ids)}
+    return listed | {number: name for number, name in own.items() if number is not None}
 
 
 def called(vendor_id: int, lang: str) -> str:
