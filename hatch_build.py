@@ -78,9 +78,10 @@ def level(usual: str) -> str:
 def tables(spec: Path) -> str:
     """The tables of `ds47/spec`, a line for each file: `{"NAME CHECKSUM": CONTENT}`. Nobody needs all of them."""
     lines = []
-    for file in sorted(spec.glob("*.toml")):
+    for file in sorted(spec.rglob("*.toml")):
         text = file.read_bytes()
-        table = {f"{file.name} {zlib.crc32(text):08x}": tomllib.loads(text.decode("utf-8"))}
+        name = file.relative_to(spec).as_posix()
+        table = {f"{name} {zlib.crc32(text):08x}": tomllib.loads(text.decode("utf-8"))}
         lines.append(json.dumps(table, ensure_ascii=False, separators=(",", ":")) + "\n")
     return "".join(lines)
 

@@ -108,6 +108,7 @@ EXPLAIN_WORDS = (
     "parts", "plc", "causes", "look", "filter", "plugin_filter", "or", "nothing", "more", "status",
     "bytes_reversed", "bytes_shifted", "error", "vendor_error", "unconfirmed", "documented", "usual",
     "unknown_status", "unknown_part", "info_none", "info_subindex", "info_unknown", "list_separator",
+    "look_in_manual", "maker_with_id",
     "part_separator", "separator", "bracket", "advice", "plc_itself", "second",
 )  # fmt: skip
 """Words of explain.toml that an explanation of a status or of an error number needs."""
@@ -218,16 +219,21 @@ def _codes() -> Iterator[str]:
 def _fallback() -> Iterator[str]:
     # The only text that no public function of the loader gives without its number filled in.
     fallback: dict[str, str] = spec._load("errors.toml")["fallback"]
-    of_maker: dict[str, str] = spec._load("errors.toml")["of_maker"]
     yield f"M.error_fallback = {literal({lang: fallback[lang] for lang in LANGUAGES})}"
-    yield f"M.error_of_maker = {literal(of_maker)}"
+    for key in ("of_maker", "in_manual", "no_maker"):
+        yield f"M.error_{key} = {literal(spec._load('errors.toml')[key])}"
     yield f"M.error_makers = {{first = {spec.MAKERS[0]}, last = {spec.MAKERS[-1]}}}"
 
 
 def _vendors() -> Iterator[str]:
-    yield from block("M.vendors", [fields(vendor, ("name", "id")) for vendor in spec.vendors()])
+    made = [fields(vendor, ("name", "id", "ids", "by_subindex")) for vendor in spec.vendors()]
+    yield from block(
+        "M.vendors", [{key: item for key, item in row.items() if item} for row in made]
+    )
     for number, vendor in enumerate(spec.vendors(), start=1):
         yield from rows(f"M.vendors[{number}].errors", vendor.errors, ERROR)
+        if vendor.pkw:
+            yield from rows(f"M.vendors[{number}].pkw", vendor.pkw, ("en", "zh"))
 
 
 def _parameters(name: str, makers: bool) -> Iterator[str]:
@@ -461,8 +467,10 @@ def _pkw() -> Iterator[str]:
     texts = {
         code: {lang: cyclic.error_text(code, lang, spec.vendors()[0].id) for lang in LANGUAGES}
         for code in cyclic.error_codes()
+        if cyclic.error_text(code, "en", spec.vendors()[0].id)
     }
     yield from table("M.pkw.errors", texts, key="{}")
+    yield f"M.pkw.codes = {literal(cyclic.error_codes())}"
     families = {name: cyclic.error_codes(name) for name in cyclic.families()}
     yield from block("M.pkw.families", families)
 
@@ -560,7 +568,7 @@ def _explain() -> Iterator[str]:
     for name, own in EXPLAINED.items():
         rows = [
             {"first" if key == "function" else key: item for key, item in row.items()}
-            for row in table[name]
+            for row in (explanations.errors() if name == "error" else table[name])
         ]
         yield from block(f"M.explain.{own}", rows)
     entry = explanations.of_unknown()
@@ -674,6 +682,7 @@ def generate() -> str:
         _fallback(),
         later("errors", rows("M.errors", spec.errors(), ERROR)),
         later("vendors", _vendors()),
+        later("vendor_names", table("M.vendor_names", spec.vendor_names(), key="0x{:04X}")),
         later("status", _status()),
         later("parameters", _parameters("M.parameters", makers=False)),
         later("drives", _parameters("M.drives", makers=True)),

@@ -363,9 +363,9 @@ NAMED = (None, "SINAMICS", "ABB", "KEB", "SEW")
     ("code", "meanings"),
     [
         ("82", [("response_id", "0x82", None), ("error", "0x82", "SINAMICS"),
-                ("error", "0x82", "ABB"), ("error", "0x82", "SEW")]),
+                ("error", "0x82", "ABB"), ("attribute", "0x82", None), ("error", "0x82", "SEW")]),
         ("0x82", [("response_id", "0x82", None), ("error", "0x82", "SINAMICS"),
-                  ("error", "0x82", "ABB"), ("error", "0x82", "SEW")]),
+                  ("error", "0x82", "ABB"), ("attribute", "0x82", None), ("error", "0x82", "SEW")]),
         ("130", [("response_id", "0x82", None), ("error", "0x82", "SINAMICS"),
                  ("error", "0x82", "ABB"), ("error", "0x82", "SEW")]),
         ("107", [("error", "0x6B", "SINAMICS"), ("error", "0x6B", "KEB")]),

@@ -49,10 +49,31 @@ def test_what_was_read_is_not_to_be_changed(field: Path) -> None:
         assert advice(rules()[each.rule], each.args).startswith("0x11: the drive does not execute")
 
 
-def test_a_number_without_a_table_names_whose_manual_has_it(field: Path) -> None:
+def test_a_number_of_a_maker_with_a_table_has_its_words(field: Path) -> None:
+    """Nor is 0x03 of PNU 10001, whose subindex is the ID of a parameter, a mistake of an array (DS717)."""
     result = result_of(field / "vacon-10001.pcap")
-    told = [sentence(each) for each in result.findings if each.rule in ("DS410", "DS701")]
-    assert any("0x67: see the manual of the device, vendor 0x01BA" in each for each in told)
+    assert {each.rule for each in result.findings} == {"DS410", "DS701"}
+    told = [sentence(each) for each in result.findings if each.rule == "DS701"]
+    assert [
+        "0x03 Invalid subindex; of PNU 10001: the drive has no parameter with this ID" in told[0],
+        "0x6B Request too short" in told[1],
+        "0x67 Invalid axis number (DO-ID)" in told[2],
+    ] == [True] * 3
+
+
+def test_a_number_of_a_maker_without_a_table_is_looked_up_in_its_manual(
+    field: Path, tmp_path: Path
+) -> None:
+    """The same drive as one of Yaskawa: then 0x03 is a mistake of an array again."""
+    path, whole = tmp_path / "other.pcap", (field / "vacon-10001.pcap").read_bytes()
+    path.write_bytes(whole.replace(b"\x00\x01\x01\xba", b"\x00\x01\x02\x13"))
+    result = result_of(path)
+    assert "DS717" in {each.rule for each in result.findings}
+    (told,) = [each for each in result.findings if each.rule == "DS701" and each.args["code"] == 0x67]
+    assert "0x67: see the manual of Yaskawa, vendor 0x0213" in sentence(told)
+    for rule in ("DS410", "DS701"):
+        said = advice(rules()[rule], told.args)
+        assert said.startswith("0x67: look it up in the manual of Yaskawa (vendor 0x0213). "), rule
 
 
 def test_a_position_at_index_47_is_no_parameter_channel(field: Path) -> None:

@@ -287,11 +287,12 @@ def words(key: str, lang: str, n: int = 0, /, **values: Any) -> str:
 
 @pytest.mark.parametrize("lang", ["en", "zh"])
 def test_the_advice_is_about_what_was_seen(lua: Run, lang: str) -> None:
-    """Of each rule: error numbers that an advice names, and others; requests of one and of several parameters."""
+    """Of each rule: numbers that its advice names, others, and those of makers without a table."""
     found = [
-        finding(row.id, 1, None, None, code=code, asked=asked)
+        finding(row.id, 1, None, None, code=code, asked=asked, vendor_id=vendor)
         for row in spec.rules().values() if not row.analyzer_only
         for code in (None, 0x05, 0x11, 0x18, 0x23, 0x6B, 0x84, 0x0811) for asked in (None, 1, 2)
+        for vendor in (None, 0x002A, 0x010B, 0x0213, 0x7ABC)
     ]  # fmt: skip
     (told,) = lua([job("advice", CaptureResult("-", findings=found), lang=lang)])
     assert told.split("\n") == [advice(spec.rules()[each.rule], each.args, lang) for each in found]

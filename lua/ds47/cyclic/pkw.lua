@@ -39,7 +39,7 @@ local function failure(message, family)
   if message.ak == M.NO_RIGHTS then return {} end
   local code = message.pwe2
   if code == 0 and message.pwe1 ~= 0 then code = message.pwe1 end
-  local known = tables.pkw.errors
+  local known = tables.pkw.codes
   if family then known = tables.pkw.families[family] end
   return {code = known[code] and code or nil}
 end

@@ -6,6 +6,7 @@
 local dictionary = require("ds47.profidrive.dictionary")
 local formats = require("ds47.profidrive.formats")
 local rules = require("ds47.acyclic.judge")
+local spec = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
 local later = require("ds47.support.later").module
@@ -24,6 +25,7 @@ local SIEMENS = dictionary.SIEMENS
 local WORD_ERRORS = {[0x05] = true, [0x17] = true} -- data type, format: a number where a connector belongs
 local UNSIGNED_32 = "Unsigned32"
 local NO_PARAMETER = 0x00
+local NO_SUBINDEX = 0x03
 local WRONG_COUNT = 0x18 -- of the errors of index and count the one that depends on the values, too
 local NONE = {}
 local NO_SUCH_ATTRIBUTE = {[0x09] = true, [0x0F] = true} -- no description, no text
@@ -130,13 +132,21 @@ local function index_and_count(refusal)
   return either and (code == 0x03 or address.pnu ~= 0)
 end
 
-local function rule_of(refusal, siemens, change)
-  local known, code = tables.known, refusal.code
+-- Whether the drive knows no parameter of this number, which is the subindex of a PNU of its maker.
+local function by_subindex(refusal, vendor_id)
+  local maker = refusal.code == NO_SUBINDEX and spec.vendor(vendor_id)
+  return maker and maker.by_subindex and maker.by_subindex[refusal.address.pnu]
+end
+
+local function rule_of(refusal, vendor_id, change)
+  local known, code, siemens = tables.known, refusal.code, vendor_id == SIEMENS
   if code == known.axis_error then return "DS709" end
   if siemens and refusal.value and #refusal.value.values > 0 and is_connector(refusal) then return "DS720" end
   if siemens and known.commissioning[code] then return "DS718" end
   if change and (known.running[code] or siemens and known.running_siemens[code]) then return "DS719" end
-  if known.index_errors[code] and index_and_count(refusal) then return "DS717" end
+  if known.index_errors[code] and index_and_count(refusal) and not by_subindex(refusal, vendor_id) then
+    return "DS717"
+  end
   return nil
 end
 
@@ -168,10 +178,9 @@ end
 function M.add(remarks, job, refused, suggested)
   local half, missing = job.read_response, false
   if half == nil then return end
-  local siemens = job.peer.vendor_id == SIEMENS
   local change = job.message ~= nil and job.message.operation == "change"
   for _, refusal in ipairs(refused) do
-    local rule = rule_of(refusal, siemens, change)
+    local rule = rule_of(refusal, job.peer.vendor_id, change)
     if rule and not (rule == "DS709" and missing) then
       missing = missing or rule == "DS709"
       local args = args_of(job, rule, refusal)

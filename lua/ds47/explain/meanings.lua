@@ -187,7 +187,17 @@ local function entry_of_error(code, vendor)
   return nil
 end
 
-local function of_vendor(code, text, vendor, lang)
+-- Where to look: in the manual of the maker, where nothing better is said of its number.
+local function look_of(found, entry, name, vendor_id, lang)
+  if vendor_id and entry.vendor == nil and entry.codes == nil and entry.ranges == nil then
+    local words = words_in(lang)
+    local values = {maker = spec.called(vendor_id, lang), vendor = format("0x%04X", vendor_id)}
+    found.look = fill(words.look_in_manual, {code = name, maker = fill(words.maker_with_id, values)})
+  end
+  return found
+end
+
+local function of_vendor(code, text, vendor, lang, vendor_id)
   local words, ranks, name = words_in(lang), tables.explain.ranks, spec.error_hex(code)
   local entry, alone = entry_of_error(code, vendor), tables.explain.error_word .. " " .. name
   local parts, known, title, rank = {}, not entry.reserved, words.vendor_error, ranks.error
@@ -199,16 +209,16 @@ local function of_vendor(code, text, vendor, lang)
     title, known = words.error, known and tables.errors[code] ~= nil
   end
   local values = {code = name, decimal = format("%d", code), text = text, vendor = vendor}
-  return meaning(fill(title, values), known, entry, lang, {
+  return look_of(meaning(fill(title, values), known, entry, lang, {
     parts = parts, view = "in_response", filter = "error", values = {value = name:lower()}, rank = rank,
     name = alone,
-  })
+  }), entry, name, vendor_id, lang)
 end
 
 -- The vendors whose number it is: of the one with an id, or all that have it.
 local function makers(code, vendor_id)
   return arrays.filtered(tables.vendors, function(vendor)
-    return vendor.errors[code] and (vendor_id == nil or vendor.id == vendor_id)
+    return vendor.errors[code] and (vendor_id == nil or spec.vendor(vendor_id) == vendor)
   end)
 end
 
@@ -219,9 +229,9 @@ end
 function M.error(code, lang, vendor_id)
   local found, own = {}, makers(code, vendor_id)
   local general = tables.errors[code] and not (vendor_id and own[1]) or not tables.errors[code] and not own[1]
-  if general then found[1] = of_vendor(code, spec.error_text(code, lang, NOBODY), nil, lang) end
+  if general then found[1] = of_vendor(code, spec.error_text(code, lang, NOBODY), nil, lang, vendor_id) end
   for _, vendor in ipairs(own) do
-    found[#found + 1] = of_vendor(code, spec.vendor_text(vendor, code, lang), vendor.name, lang)
+    found[#found + 1] = of_vendor(code, spec.vendor_text(vendor, code, lang), vendor.name, lang, vendor.id)
   end
   local order = {}
   for number, each in ipairs(found) do order[each] = number end

@@ -175,6 +175,9 @@ function M.advice(row, args, lang)
       table.insert(parts, wanted, piece)
     end
   end
+  if row.args and row.args.code == "code" and spec.in_manual(args.code, args.vendor_id) then
+    table.insert(parts, 1, spec.manual_of(args.code, args.vendor_id, lang))
+  end
   return parts[1] and concat(parts, zh and "" or " ") or text
 end
 

@@ -16,13 +16,15 @@ end
 
 --- What an error number of PKW means (docs/cyclic.md 2); nil where nobody says.
 -- @param vendor_id PROFINET vendor id of the device or nil. Numbers behind those of the profile belong to the
---   maker: only those of Siemens have words
+--   maker
 function M.error_text(code, lang, vendor_id)
   if code == nil then return nil end
   if code <= tables.pkw.profile_errors or vendor_id == tables.vendors[1].id then
     local row = tables.pkw.errors[code]
     return row and words(row, lang)
   end
+  local maker = lookup.vendor(vendor_id)
+  if maker and maker.pkw and maker.pkw[code] then return words(maker.pkw[code], lang) end
   local text = lookup.error_fallback(format("%d", code), lang)
   return vendor_id and text .. lookup.of_maker(vendor_id, lang) or text
 end

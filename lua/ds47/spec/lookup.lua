@@ -56,9 +56,36 @@ end
 -- @param code as text
 function M.error_fallback(code, lang) return M.fill(M.words(tables.error_fallback, lang), {code = code}) end
 
+--- A maker by its id: `Yaskawa`, or `the device` where nobody knows whose the id is.
+function M.called(vendor_id, lang)
+  return tables.vendor_names[vendor_id] or M.words(tables.error_no_maker, lang)
+end
+
+local function with_maker(template, code, vendor_id, lang)
+  local id, maker = format("0x%04X", vendor_id), M.called(vendor_id, lang)
+  return M.fill(M.words(template, lang), {code = code, maker = maker, vendor = id})
+end
+
 --- What follows a number of a maker without a table: whose manual has it.
-function M.of_maker(vendor_id, lang)
-  return M.fill(M.words(tables.error_of_maker, lang), {vendor = format("0x%04X", vendor_id)})
+function M.of_maker(vendor_id, lang) return with_maker(tables.error_of_maker, nil, vendor_id, lang) end
+
+--- The advice to look such a number up, and where.
+function M.manual_of(code, vendor_id, lang)
+  return with_maker(tables.error_in_manual, M.error_hex(code), vendor_id, lang)
+end
+
+--- The maker with this PROFINET vendor id; nil where it has no table of its own.
+function M.vendor(vendor_id)
+  return vendor_id and arrays.first(tables.vendors, function(each)
+    return each.id == vendor_id or arrays.has(each.ids or {}, vendor_id)
+  end)
+end
+
+--- Whether a number is one of a maker without a table: its manual says what it means.
+function M.in_manual(code, vendor_id)
+  local makers, vendor = tables.error_makers, M.vendor(vendor_id)
+  return vendor_id ~= nil and vendor_id > 0 and code >= makers.first and code <= makers.last
+    and not (vendor and next(vendor.errors))
 end
 
 --- What an error number means, in words (docs/protocol.md B).
@@ -67,14 +94,12 @@ end
 -- @param vendor_id PROFINET vendor id of the device or nil. Numbers from 0x65 on belong to the vendor:
 --   without an id the meaning on SINAMICS is given as such, and a vendor without a table gets no meaning
 function M.error_text(code, lang, vendor_id)
-  local vendor = vendor_id and arrays.first(tables.vendors, function(each) return each.id == vendor_id end)
+  local vendor = M.vendor(vendor_id)
   if vendor and vendor.errors[code] then return words(vendor.errors[code], code, lang) end
   if tables.errors[code] then return words(tables.errors[code], code, lang) end
   local text = M.error_fallback(M.error_hex(code), lang)
-  local usual, makers = tables.vendors[1], tables.error_makers
-  if vendor_id and vendor_id > 0 and not vendor and code >= makers.first and code <= makers.last then
-    return text .. M.of_maker(vendor_id, lang)
-  end
+  local usual = tables.vendors[1]
+  if M.in_manual(code, vendor_id) then return text .. M.of_maker(vendor_id, lang) end
   local hint = not vendor_id and usual.errors[code]
   if not hint then return text end
   return text .. " (" .. usual.name .. ": " .. words(hint, code, lang) .. ")"

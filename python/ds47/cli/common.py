@@ -8,7 +8,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeVar
@@ -101,23 +101,34 @@ def vendor_number(text: str) -> int:
     Raises:
         click.BadParameter: it is neither.
     """
-    from ds47 import spec
     from ds47.parameters.lists import LARGEST_ID
-    from ds47.spec import explanations
+    from ds47.spec.maker_names import UnclearNameError, find
 
-    vendor = explanations.vendor_named(text.strip())
-    if vendor is not None and vendor.id is not None:
-        return vendor.id
     try:
         number = int(text, 0)
     except ValueError:
-        number = -1
-    if not 0 <= number <= LARGEST_ID:
-        names = ", ".join(sorted(each.name for each in spec.vendors() if each.id is not None))
+        number = None
+    if number is not None and 0 <= number <= LARGEST_ID:
+        return number
+    try:
+        vendor = find(text)
+    except UnclearNameError as problem:
+        raise click.BadParameter(no_vendor(text, problem.near), param_hint="--vendor") from problem
+    if vendor.id is None:
         raise click.BadParameter(
-            f"{text!r} is no vendor id, and none of: {names}", param_hint="--vendor"
+            f"no source gives the vendor id of {vendor.name}", param_hint="--vendor"
         )
-    return number
+    return vendor.id
+
+
+def no_vendor(text: str, near: Sequence[str]) -> str:
+    """What is said of a name that no maker has, or that several have."""
+    from ds47.spec import vendors
+
+    said = f"no vendor {text!r}: a PROFINET vendor id, or the name of a maker"
+    if near:
+        return f"{said}; did you mean {', '.join(near)}?"
+    return f"{said}; those with tables of their own: {', '.join(each.name for each in vendors())}"
 
 
 def codec_options(

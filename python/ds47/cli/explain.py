@@ -162,17 +162,15 @@ def _plain(meaning: CodeMeaning) -> dict[str, Any]:
 
 
 def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
-    from ds47 import spec
+    from ds47.cli.common import no_vendor
     from ds47.explain import UnknownFormError, explain, find_vendor
     from ds47.spec import explanations
+    from ds47.spec.maker_names import UnclearNameError
 
     try:
         maker = None if vendor is None else find_vendor(vendor)
-    except UnknownFormError as problem:
-        known = ", ".join(each.name for each in spec.vendors())
-        raise click.UsageError(
-            f"no vendor {vendor!r}: a PROFINET vendor id, or one of {known}"
-        ) from problem
+    except UnclearNameError as problem:
+        raise click.UsageError(no_vendor(problem.text, problem.near)) from problem
     try:
         return explain(text, lang, maker)
     except UnknownFormError as problem:

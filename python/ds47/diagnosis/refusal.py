@@ -15,7 +15,7 @@ from ds47.model import SIEMENS
 from ds47.profidrive import Address, Request, Response, decode_request
 from ds47.profidrive.model import Block
 from ds47.profidrive.parameter import NOT_SUPPORTED
-from ds47.spec import rules
+from ds47.spec import rules, vendor
 from ds47.spec.semantics import known
 
 WORD_ERRORS: Final = (0x05, 0x17)
@@ -158,9 +158,19 @@ def _rule(job: Job, refusal: Refusal) -> str | None:
         return "DS718"
     if change and (code in facts.running or (siemens and code in facts.running_siemens)):
         return "DS719"
-    if code in facts.index_errors and _index_and_count(refusal):
+    if code in facts.index_errors and _index_and_count(refusal) and not _by_subindex(job, refusal):
         return "DS717"
     return None
+
+
+def _by_subindex(job: Job, refusal: Refusal) -> bool:
+    """Whether the drive knows no parameter of this number, which is the subindex of a PNU of its maker."""
+    maker = None if job.peer.vendor_id is None else vendor(job.peer.vendor_id)
+    return (
+        maker is not None
+        and refusal.code == NO_SUBINDEX
+        and refusal.address.pnu in maker.by_subindex
+    )
 
 
 def _connector(refusal: Refusal) -> bool:

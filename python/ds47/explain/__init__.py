@@ -6,7 +6,8 @@ Two steps: `forms` turns a text into numbers, `meanings` looks the numbers up. P
 
 from ds47.explain.answer import BlockOutputs, CodeMeaning, Reason
 from ds47.explain.forms import Reading, UnknownFormError, read
-from ds47.explain.meanings import explain, find_vendor
+from ds47.explain.makers import find_vendor
+from ds47.explain.meanings import explain
 
 __all__ = [
     "BlockOutputs", "CodeMeaning", "Reading", "Reason", "UnknownFormError", "explain", "find_vendor", "read",

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
-import unicodedata
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -29,35 +27,13 @@ from ds47.explain.forms import (
     UnknownFormError,
     read,
 )
+from ds47.explain.makers import Maker, called
 from ds47.profidrive.naming import spelling
 from ds47.spec import blocks as spec_blocks
 from ds47.spec import explanations, s7
 from ds47.spec.cyclic import bit_words
 from ds47.spec.explanations import Explanation
 from ds47.spec.statuses import status_hex, status_text
-
-
-@dataclass(frozen=True, slots=True)
-class Maker:
-    """The maker: the name of a table of error numbers, None without one."""
-
-    name: str | None
-
-
-def find_vendor(text: str) -> Maker:
-    """The vendor by its name, or by its PROFINET vendor id in hex (0x002A) or decimal.
-
-    Raises:
-        UnknownFormError: neither an id nor a known name.
-    """
-    wanted = unicodedata.normalize("NFKC", text).strip()
-    vendor = explanations.vendor_named(wanted)
-    if vendor is not None:
-        return Maker(vendor.name)
-    if number := re.fullmatch(r"(?:0x|16#)([0-9a-f]{1,4})|([0-9]{1,5})", wanted.lower()):
-        value = int(number[1], 16) if number[1] else int(number[2])
-        return Maker(next((each.name for each in spec.vendors() if each.id == value), None))
-    raise UnknownFormError(text)
 
 
 def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[CodeMeaning]:
@@ -368,7 +344,7 @@ def _byte(value: int, kind: str | None, lang: str, vendor: Maker | None) -> Iter
     if kind in (None, "error"):
         yield from _errors(value, lang, vendor)
     for name in ("response_id", "request_id", "attribute", "format"):
-        known = value in _names(name)
+        known = value in _names(name, lang)
         if kind == name or (kind is None and known):
             yield _number(name, value, lang)
     if kind == "index" or (kind is None and explanations.of_number("index", value)):
@@ -399,11 +375,22 @@ _FILTERS = {"error_code": "service"} | dict.fromkeys(RETURNED, "")
 """Kinds with another name in filters, or without filters."""
 
 
-def _names(kind: str) -> Mapping[int, str]:
+def _names(kind: str, lang: str) -> Mapping[int, str]:
     """The codes of a kind that the tables know, with their names."""
-    rows = _TABLES[kind]().items()
-    names = {code: row.name for code, row in rows}
-    return names | (dict.fromkeys(spec.vendor_attributes(), "") if kind == "attribute" else {})
+    names = {code: row.name for code, row in _TABLES[kind]().items()}
+    return names | (_of_makers(lang) if kind == "attribute" else {})
+
+
+def _of_makers(lang: str) -> dict[int, str]:
+    """The attributes of makers, and in brackets what the known ones are: ` (Stöber: integer)`."""
+    words, found = explanations.words(lang), dict.fromkeys(spec.vendor_attributes(), "")
+    for code, rows in spec.maker_attributes().items():
+        said = [
+            f"{maker}{words['separator']}{row.zh if lang == 'zh' else row.name}"
+            for maker, row in rows
+        ]
+        found[code] = words["bracket"].format(text=words["part_separator"].join(said))
+    return found
 
 
 _TABLES: Mapping[str, Callable[[], Mapping[int, Any]]] = {
@@ -422,7 +409,8 @@ def _number(kind: str, value: int, lang: str) -> CodeMeaning:
     if kind == "error_code":
         name = spec.status(lang).code[value]
     elif kind != "index" and kind not in RETURNED:
-        known, name = value in _names(kind), _names(kind).get(value, "")
+        names = _names(kind, lang)
+        known, name = value in names, names.get(value, "")
     entry = explanations.of_number(kind, value)
     known = known and entry is not None and name != "Reserved"
     if entry is None or not known:
@@ -480,14 +468,14 @@ def _errors(value: int, lang: str, vendor: Maker | None) -> Iterator[CodeMeaning
         if value in each.errors and (vendor is None or vendor.name == each.name)
     ]  # fmt: skip
     if value in spec.errors() and not (vendor and makers):
-        yield _error(value, spec.error_text(value, lang, _NOBODY), None, lang)
+        yield _error(value, spec.error_text(value, lang, _NOBODY), None, lang, vendor)
     for maker in makers:
         row = maker.errors[value]
         text = row.zh if lang == "zh" else row.en
-        text = text.format(code=value, above=value - row.code)
-        yield _error(value, text, maker.name, lang, whole_range=row.last is not None)
+        text, whose = text.format(code=value, above=value - row.code), Maker(maker.name, maker.id)
+        yield _error(value, text, maker.name, lang, whose, whole_range=row.last is not None)
     if not makers and value not in spec.errors():
-        yield _error(value, spec.error_text(value, lang, _NOBODY), None, lang)
+        yield _error(value, spec.error_text(value, lang, _NOBODY), None, lang, vendor)
 
 
 def _wide_errors(
@@ -560,8 +548,14 @@ _NOBODY = -1
 
 
 def _error(
-    value: int, text: str, maker: str | None, lang: str, whole_range: bool = False
+    value: int,
+    text: str,
+    maker: str | None,
+    lang: str,
+    whose: Maker | None,
+    whole_range: bool = False,
 ) -> CodeMeaning:
+    """An error number in the table of a maker, or of the profile; `whose` the device is, if that is known."""
     words = explanations.words(lang)
     code = spec.error_hex(value)
     entry = explanations.of_error(value, maker)
@@ -575,10 +569,15 @@ def _error(
     parts = (CodePart("", "", info),) if info else ()
     known = not entry.reserved and (maker is not None or value in spec.errors())
     alone = f"{explanations.kind_word('error')} {code}" + (f" --vendor {maker}" if maker else "")
-    return answer(
+    meaning = answer(
         "error", code, alone, title, known, entry, lang, rank=rank, parts=parts,
         view="in_response", filter_name="error", values={"value": code.lower()}, vendor=maker,
     )  # fmt: skip
+    if whose is None or not entry.general:
+        return meaning
+    return replace(
+        meaning, look=words["look_in_manual"].format(code=code, maker=called(whose, lang))
+    )
 
 
 # Numbers of a drive

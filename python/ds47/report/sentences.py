@@ -17,7 +17,7 @@ from ds47.model import Diagnosis, Finding, Parameter, ParameterError
 from ds47.profidrive.naming import spelling
 from ds47.report import RuleText
 from ds47.report.bilingual import say
-from ds47.spec import Rule, error_hex, error_text, rules, s7
+from ds47.spec import Rule, error_hex, error_text, in_manual, manual_of, rules, s7
 from ds47.spec.cyclic import error_text as pkw_error_text
 from ds47.spec.semantics import diagnosis_words, parts, reasons
 from ds47.spec.statuses import status_text
@@ -146,6 +146,9 @@ def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> li
     parts = [part.strip() for part in _OF_ERROR.split(text) if part]
     wanted = [part for part in parts if part.startswith(seen)]
     wanted += [part for part in parts if not _OF_ERROR.match(part)]
+    of_ds47 = isinstance(row, Rule) and row.args.get("code") == "code"
+    if of_ds47 and in_manual(code, args.get("vendor_id")):
+        wanted.insert(0, manual_of(code, args["vendor_id"], lang))
     return wanted or parts
 
 

@@ -201,8 +201,9 @@ class Following:
 def _named(key: str, number: int, places: list[str]) -> tuple[str, Both]:
     """Which drive objects have a telegram, and that with them; whether it has PKW where that is known."""
     known = telegrams().get(number)
-    unknown = known is None or not known.is_known
-    pkw = Both.same("") if unknown else say("drive_pkw" if known.pkw else "drive_no_pkw")
+    pkw = Both.same("")
+    if known is not None and known.is_known:
+        pkw = say("drive_pkw" if known.pkw else "drive_no_pkw")
     words = say(key, number=str(number), pkw=pkw)
     where = ", ".join(sorted(filter(None, set(places)), key=lambda each: (len(each), each)))
     return where, words if not where else say("drive_place", where=where, words=words)

@@ -90,11 +90,19 @@ class ErrorNumber(Row):
 
 
 class Vendor(Row):
-    """The error numbers of a vendor; `id` is its PROFINET vendor id, None if unknown."""
+    """What a maker's drives have of their own (makers/*.toml); `id` is its PROFINET vendor id, None if unknown."""
 
     name: str
     id: int | None
     errors: Mapping[int, ErrorNumber]
+    also: tuple[str, ...] = ()
+    """Other names."""
+    ids: tuple[int, ...] = ()
+    """Further ids."""
+    pkw: Mapping[int, ErrorNumber] = MappingProxyType({})
+    """Error numbers of PKW."""
+    by_subindex: frozenset[int] = frozenset()
+    """PNUs whose subindex is the number of a parameter of the drive."""
 
 
 class StatusTexts(Row):
@@ -241,7 +249,24 @@ def _parsed(text: bytes) -> dict[str, Any]:
 def _content(name: str) -> bytes:
     """The loader also reads from a zip file; `importlib.resources` does too, but is slow to import."""
     loader: Any = __spec__.loader
-    return cast(bytes, loader.get_data(str(Path(__file__).with_name(name))))
+    return cast(bytes, loader.get_data(str(Path(__file__).parent / name)))
+
+
+@cache
+def makers() -> tuple[Mapping[str, Any], ...]:
+    """The files of makers (makers/*.toml), first that of the usual one: a file that is added is one of them."""
+    folder = Path(__file__).with_name("makers")
+    names = [f"makers/{each.name}" for each in folder.glob("*.toml")] if folder.is_dir() else []
+    names = names or [
+        key.split()[0] for key in _ready() if key.startswith("makers/")
+    ]  # in a zip file
+    return tuple(sorted(map(_load, sorted(names)), key=lambda row: "usual" not in row))
+
+
+def _rows(table: str) -> list[dict[str, Any]]:
+    """The rows of a table of ids.toml, and those that makers add."""
+    more = (row for maker in makers() for row in maker.get(table, ()))
+    return [*_load("ids.toml").get(table, ()), *more]
 
 
 @cache
@@ -277,7 +302,7 @@ def dialect(name: str) -> Mapping[int, int]:
 
 @cache
 def attributes() -> Mapping[int, Attribute]:
-    """The named attributes."""
+    """The named attributes of the profile."""
     return MappingProxyType(
         {row["code"]: Attribute(**row) for row in _load("ids.toml")["attribute"]}
     )
@@ -285,22 +310,30 @@ def attributes() -> Mapping[int, Attribute]:
 
 @cache
 def vendor_attributes() -> frozenset[int]:
-    """The attributes that the profile leaves to manufacturers."""
-    return frozenset(_load("ids.toml")["vendor_attributes"])
+    """The attributes that the profile leaves to manufacturers, and those that one of them has besides."""
+    return frozenset(_load("ids.toml")["vendor_attributes"]).union(maker_attributes())
+
+
+@cache
+def maker_attributes() -> Mapping[int, tuple[tuple[str, Attribute], ...]]:
+    """The attributes of makers, each with the names of those that have it."""
+    found: dict[int, tuple[tuple[str, Attribute], ...]] = {}
+    for maker in makers():
+        for row in maker.get("attribute", ()):
+            found[row["code"]] = (*found.get(row["code"], ()), (maker["name"], Attribute(**row)))
+    return MappingProxyType(found)
 
 
 @cache
 def request_ids() -> Mapping[int, RequestId]:
     """The request ids, standard and vendor."""
-    return MappingProxyType({row["code"]: RequestId(**row) for row in _load("ids.toml")["request"]})
+    return MappingProxyType({row["code"]: RequestId(**row) for row in _rows("request")})
 
 
 @cache
 def response_ids() -> Mapping[int, ResponseId]:
     """The response ids, standard and vendor."""
-    return MappingProxyType(
-        {row["code"]: ResponseId(**row) for row in _load("ids.toml")["response"]}
-    )
+    return MappingProxyType({row["code"]: ResponseId(**row) for row in _rows("response")})
 
 
 def _error_rows(rows: list[dict[str, Any]]) -> Mapping[int, ErrorNumber]:
@@ -319,16 +352,27 @@ def errors() -> Mapping[int, ErrorNumber]:
 
 @cache
 def vendors() -> tuple[Vendor, ...]:
-    """The vendors with a table of their own error numbers."""
-    rows = _load("errors.toml")["vendor"]
+    """The makers with a file of their own, first the one hinted at where a device does not say whose it is."""
     return tuple(
-        Vendor(name=row["name"], id=row.get("id"), errors=_error_rows(row["error"])) for row in rows
-    )
+        Vendor(
+            name=row["name"], id=row.get("id"), errors=_error_rows(row.get("error", [])),
+            ids=tuple(row.get("ids", ())), pkw=_pkw(row),
+            also=tuple(row.get("also", ())), by_subindex=frozenset(row.get("by_subindex", ())),
+        )
+        for row in makers()
+    )  # fmt: skip
+
+
+def _pkw(row: Mapping[str, Any]) -> Mapping[int, ErrorNumber]:
+    """The numbers of PKW: of the table of the maker those that it has too, and its own."""
+    same = [each for each in row.get("error", ()) if each["code"] in row.get("also_pkw", ())]
+    return _error_rows([*same, *row.get("pkw", ())])
 
 
 @cache
-def _vendor(vendor_id: int) -> Vendor | None:
-    return next((vendor for vendor in vendors() if vendor.id == vendor_id), None)
+def vendor(vendor_id: int) -> Vendor | None:
+    """The maker with this PROFINET vendor id; None where it has no file."""
+    return next((each for each in vendors() if vendor_id in (each.id, *each.ids)), None)
 
 
 def _words(error: ErrorNumber, code: int, lang: str) -> str:
@@ -357,13 +401,13 @@ def error_text(code: int | None, lang: str = "en", vendor_id: int | None = None)
     """
     if code is None:
         return ""
-    vendor = _vendor(vendor_id) if vendor_id is not None else None
-    if vendor and code in vendor.errors:
-        return _words(vendor.errors[code], code, lang)
+    maker = vendor(vendor_id) if vendor_id is not None else None
+    if maker and code in maker.errors:
+        return _words(maker.errors[code], code, lang)
     if code in errors():
         return _words(errors()[code], code, lang)
     text = error_fallback(error_hex(code), lang)
-    if (vendor_id or 0) > 0 and vendor is None and code in MAKERS:
+    if in_manual(code, vendor_id):
         return text + of_maker(vendor_id or 0, lang)
     hint = vendors()[0].errors.get(code) if vendor_id is None else None
     return f"{text} ({vendors()[0].name}: {_words(hint, code, lang)})" if hint else text
@@ -374,10 +418,41 @@ def error_fallback(code: str, lang: str) -> str:
     return str(_load("errors.toml")["fallback"]["zh" if lang == "zh" else "en"]).format(code=code)
 
 
+def in_manual(code: int | None, vendor_id: int | None) -> bool:
+    """Whether a number is one of a maker without a table: its manual says what it means."""
+    if code not in MAKERS or vendor_id is None or vendor_id <= 0:
+        return False
+    maker = vendor(vendor_id)
+    return maker is None or not maker.errors
+
+
 def of_maker(vendor_id: int, lang: str) -> str:
     """What follows such a number: the maker whose manual explains it."""
-    row = _load("errors.toml")["of_maker"]
-    return str(row["zh" if lang == "zh" else "en"]).format(vendor=f"0x{vendor_id:04X}")
+    return _with_maker("of_maker", "", vendor_id, lang)
+
+
+def manual_of(code: int, vendor_id: int, lang: str) -> str:
+    """The advice to look such a number up, and where."""
+    return _with_maker("in_manual", error_hex(code), vendor_id, lang)
+
+
+@cache
+def vendor_names() -> Mapping[int, str]:
+    """The name of each PROFINET vendor id that is known. Most captures need none of them."""
+    listed = {number: name for name, ids in _load("vendors.toml")["ids"].items() for number in ids}
+    own = {number: each.name for each in vendors() for number in (each.id, *each.ids)}
+    return listed | {number: name for number, name in own.items() if number is not None}
+
+
+def called(vendor_id: int, lang: str) -> str:
+    """`Yaskawa`, or `the device` where nobody knows whose the id is."""
+    of_none: Mapping[str, str] = _load("errors.toml")["no_maker"]
+    return vendor_names().get(vendor_id) or of_none["zh" if lang == "zh" else "en"]
+
+
+def _with_maker(key: str, code: str, vendor_id: int, lang: str) -> str:
+    text = str(_load("errors.toml")[key]["zh" if lang == "zh" else "en"])
+    return text.format(code=code, maker=called(vendor_id, lang), vendor=f"0x{vendor_id:04X}")
 
 
 def error_info_meaning(code: int) -> str:

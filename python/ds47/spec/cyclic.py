@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from types import MappingProxyType
 
-from ds47.spec import _load, error_fallback, of_maker, vendors
+from ds47.spec import _load, error_fallback, of_maker, vendor, vendors
 from ds47.spec.rows import Row
 
 
@@ -184,7 +184,7 @@ def error_codes(family: str | None = None) -> frozenset[int]:
         KeyError: there is no family of that name.
     """
     if family is None:
-        return frozenset(_errors())
+        return frozenset(_errors()).union(*(maker.pkw for maker in vendors()))
     named = {row["name"]: frozenset(row["errors"]) for row in _load("pkw.toml")["family"]}
     return named[family]
 
@@ -195,12 +195,14 @@ def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str
     Args:
         code: the number.
         lang: "en" or "zh".
-        vendor_id: PROFINET vendor id of the device. Numbers above those of the profile belong to the maker: only
-            Siemens has words for them.
+        vendor_id: PROFINET vendor id of the device. Numbers above those of the profile belong to the maker.
     """
     if is_of_profile(code) or vendor_id == vendors()[0].id:
         row = _errors().get(code)
         return None if row is None else row[lang == "zh"]
+    maker = None if vendor_id is None else vendor(vendor_id)
+    if maker is not None and code in maker.pkw:
+        return maker.pkw[code].text(lang)
     text = error_fallback(str(code), lang)
     return text if vendor_id is None else text + of_maker(vendor_id, lang)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from ds47.spec import Vendor, _load, vendors
+from ds47.spec import _load, makers
 
 BASES = ("documented", "usual", "unconfirmed")
 """How sure a cause is: a document says so, it is so in practice, or neither is certain."""
@@ -42,6 +42,8 @@ class Explanation:
     plc: str = ""
     filter: str = ""
     reserved: bool = False
+    general: bool = False
+    """It is the entry of any number of which nothing better is said."""
 
     def headline(self, lang: str) -> str:
         """The headline in "en" or "zh", with its placeholders."""
@@ -79,10 +81,15 @@ def _table() -> dict[str, Any]:
 
 @cache
 def _entry(table: str, number: int) -> Explanation:
-    row = _table()[table][number]
+    return _explanation(_table()[table][number])
+
+
+def _explanation(row: Mapping[str, Any], general: bool = False) -> Explanation:
     causes = tuple(CodeCause(**cause) for cause in row.get("cause", ()))
     known = ("look_en", "look_zh", "en", "zh", "plc", "filter", "reserved")
-    return Explanation(causes, **{name: row[name] for name in known if name in row})
+    return Explanation(
+        causes, general=general, **{name: row[name] for name in known if name in row}
+    )
 
 
 def _within(row: Mapping[str, Any], name: str, value: int, last: str) -> bool:
@@ -128,16 +135,23 @@ _CPU = 0xC0
 
 
 @cache
+def errors() -> tuple[Mapping[str, Any], ...]:
+    """What is said about error numbers: of each maker, then of the profile, and at last of any other number."""
+    own = (row | {"vendor": maker["name"]} for maker in makers() for row in maker.get("advice", ()))
+    return (*own, *_table()["error"])
+
+
+@cache
 def of_error(code: int, vendor: str | None = None) -> Explanation:
     """What is said about an error number, of the profile or of the named vendor."""
-    for number, row in enumerate(_table()["error"]):
-        general = "vendor" not in row and "codes" not in row and "ranges" not in row
+    for row in errors():
+        general = not row.keys() & {"vendor", "codes", "ranges"}
         if not general and row.get("vendor") != vendor:
             continue
         codes, ranges = row.get("codes"), row.get("ranges", ())
         everything = codes is None and not ranges
         if everything or code in (codes or ()) or any(a <= code <= b for a, b in ranges):
-            return _entry("error", number)
+            return _explanation(row, general)
     raise KeyError(code)
 
 
@@ -193,18 +207,6 @@ def rank(name: str) -> int:
     """Where a meaning stands among several, the first is 0."""
     order: list[str] = _table()["order"]["kinds"]
     return order.index(name)
-
-
-def vendor_named(text: str) -> Vendor | None:
-    """The vendor with known error numbers, by its name or the name of its drives, in any case."""
-    name = vendor_names().get(text.lower(), text).lower()
-    return next((each for each in vendors() if each.name.lower() == name), None)
-
-
-def vendor_names() -> Mapping[str, str]:
-    """Other names of vendors, in lower case -> the name in errors.toml."""
-    names: Mapping[str, str] = _table()["vendor_names"]
-    return names
 
 
 @cache

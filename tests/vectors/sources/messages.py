@@ -232,6 +232,11 @@ request(
     [A(1, 65535, 2), A(1, 65535, 0)],
     findings=[F("DS308", 8, subindex=65535, count=2)],
 )  # fmt: skip
+for number in (0x81, 0x82):
+    request(
+        f"attribute-of-stoeber-{number:02x}", "attribute", f"01010101 {number:02x}01 2011 0000", (1, 1, 1, 1),
+        [A(8209, 0, 1, f"0x{number:02X}")],
+    )  # fmt: skip
 request(
     "bad-address", "attribute limits", "01010101 50ff 0000 ffff", (1, 1, 1, 1),
     [A(0, 65535, 255, "0x50")],
@@ -1078,16 +1083,20 @@ def vendor_tables() -> Iterator[tuple[str, int | None, Texts]]:
 
 ANOTHER = 0xFEFE
 """A vendor id that has no table."""
+WITHOUT_TABLE = {
+    ANOTHER: ("the device", "该设备"), 0x0213: ("Yaskawa", "Yaskawa"), 0x010B: ("Stöber", "Stöber"),
+}  # fmt: skip
+"""What the maker is called whose manual has the numbers: of an unknown id, of one with a name or a file."""
 WIDE = {0x0100, 0x0811, 0x0826, 0xFF02, 0xFFFF}
 """Error numbers beyond a byte, told for everyone: a low byte that the profile knows is no reason."""
 
 
 def error_rows() -> Iterator[Row]:
-    """Every error number as it is told where no vendor is known, for each that has a table, and for another."""
+    """Every error number as it is told where no vendor is known, for each that has a table, and for others."""
     profile, sinamics = SECTIONS["profile"], SECTIONS["vendor SINAMICS 0x002A"]
     tables: dict[int | None, Texts] = {None: {}}
     tables |= {vendor: own for _, vendor, own in vendor_tables() if vendor is not None}
-    for vendor, own in (tables | {ANOTHER: {}}).items():
+    for vendor, own in (tables | {number: {} for number in WITHOUT_TABLE}).items():
         for code in sorted({*range(256), *own, *WIDE}):
             shown = f"0x{code:02X}" if code < 0x100 else f"0x{code:04X}"
             english, chinese = f"Manufacturer-specific error {shown}", f"制造商特定错误 {shown}"
@@ -1098,9 +1107,10 @@ def error_rows() -> Iterator[Row]:
             elif vendor is None and code in sinamics:
                 english += f" (SINAMICS: {sinamics[code][0]})"
                 chinese += f" (SINAMICS: {sinamics[code][1]})"
-            elif vendor == ANOTHER and 0x65 <= code <= 0xFF:
-                english += ": see the manual of the device, vendor 0xFEFE"
-                chinese += "：见该设备的手册，制造商 0xFEFE"
+            elif vendor in WITHOUT_TABLE and 0x65 <= code <= 0xFF:
+                names = WITHOUT_TABLE[vendor]
+                english += f": see the manual of {names[0]}, vendor 0x{vendor:04X}"
+                chinese += f"：见{names[1]}的手册，制造商 0x{vendor:04X}"
             info = profile[code][0] if code in profile else "unknown"
             yield {"code": code, "vendor_id": vendor, "en": english, "zh": chinese, "info": info}
 

@@ -1,4 +1,4 @@
-"""Error numbers and the words of STATUS, from spec/errors.toml, status.toml and explain.toml."""
+"""Error numbers and the words of STATUS, from spec/errors.toml, makers/*.toml, status.toml and explain.toml."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ of a state conflict (B5).
 def page(_root: Path) -> str:
     """Error numbers of the profile and of vendors, then what stands in a STATUS."""
     parts = [_HEAD, "## Error numbers of the profile\n", _numbers(spec.errors(), None)]
-    for vendor in spec.vendors():
+    for vendor in filter(lambda each: each.errors, spec.vendors()):
         parts += [f"## Error numbers of {vendor.name}\n", _numbers(vendor.errors, vendor.name)]
     return "\n".join([*parts, *_status()])
 
