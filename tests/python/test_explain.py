@@ -386,7 +386,7 @@ NAMED = (None, "SINAMICS", "ABB", "KEB", "SEW")
         ("7002", [("status", "00700200", None), ("block_output", "SINA_POS 16#7002", None),
                   ("record_data", "0x7002", None)]),
         ("25", [("error", "0x19", None), ("block_output", "GET 25", None), ("format", "0x25", None)]),
-        ("3", [("error", "0x03", None), ("block_output", "BSEND 3", None),
+        ("3", [("error", "0x03", None), ("error", "0x03", "KEB"), ("block_output", "BSEND 3", None),
                ("block_output", "SINA_PARA 16#0003", None), ("format", "0x03", None),
                ("s7_item", "0x03", None)]),
         ("0x0000006B", [("error", "0x6B", "SINAMICS"), ("error", "0x6B", "KEB"),

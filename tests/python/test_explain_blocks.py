@@ -155,7 +155,7 @@ def test_a_word_that_may_be_two_outputs_names_both() -> None:
 
 
 def test_sina_para_talks_to_no_other_drives() -> None:
-    assert {each.vendor for each in explain("error 6B")} == {"SINAMICS", "KEB"}
+    assert {each.vendor for each in explain("error 6B")} == {"SINAMICS", "KEB", "Vacon"}
     for text in ("SINA_PARA swErrorNo 6B", "SINA_PARA_S ErrorNo 16#6B", "SINA_PARA_S ErrorNo 107"):
         assert [each.vendor for each in explain(text) if each.known] == ["SINAMICS"], text
 
