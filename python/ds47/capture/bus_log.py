@@ -101,10 +101,7 @@ class BusLogReader:
 
 
 def recognised(window: Window) -> BusLogReader | None:
-    """The reader of what stands in a window; None where it is no recording of PROFIBUS.
-
-    Nothing more is read: who feeds a pipe may wait.
-    """
+    """The reader of what stands in a window; None where it is no recording of PROFIBUS."""
     head = bytes(window.view[: min(text.LOOKED_AT, window.end)])
     encoding = text.encoding(head)
     if encoding is not None:
