@@ -2,7 +2,7 @@
 
 Lives here: telling them from anything else by content, and which link type the bytes have. The packets become a
 pcap in memory, piece by piece, so all else is as with a file of that format. Not here: what a row is
-(hex_rows.py). Reference: docs/report.md.
+(hex_rows.py). Reference: docs/offline.md.
 """
 
 from __future__ import annotations

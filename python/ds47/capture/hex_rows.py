@@ -31,12 +31,14 @@ _BITS: Final = re.compile(r"\s*[01.]{4}(?: [01.]{4})* = ")
 _SOURCE: Final = re.compile(r"(\S.*) \(\d+ bytes?\):")
 """Wireshark's name above bytes where a packet has several: `Frame (60 bytes):`, `Reassembled TCP (99 bytes):`."""
 _FRAME: Final = "Frame"
-_SIZES: Final = re.compile(r"(\d+) bytes on wire .*?, (\d+) bytes captured")
+_SIZES: Final = re.compile(r"(\d{1,9}) bytes on wire[^,]{0,40}, (\d{1,9}) bytes captured")
 _EPOCH: Final = re.compile(r"\s*Epoch (?:Arrival )?Time: (?=\d)")
 _BEFORE_TIME: Final = re.compile(r"\s*(?:\d+\s+(?=\d)|[IO]\s+)?")
 """The number of a packet in Wireshark's list, or the direction for text2pcap."""
 _HALF: Final = 8
 """Bytes behind which some leave two blanks."""
+_WITH_TEXT: Final = 256
+"""Bytes of a row; longer ones have no text beside them."""
 _PRINTED: Final = {code: "." for code in range(256) if not 0x20 <= code < 0x7F}
 _WITHOUT_BLANK: Final = {**_PRINTED, 0x20: "."}
 """How bytes look as text; tcpdump prints no blank."""
@@ -213,6 +215,8 @@ class Packets:
 
 def _last(row: _Row, width: int) -> bytes:
     """The bytes of a row behind which no offset counts them: without their text, which may look like some."""
+    if len(row.data) > _WITH_TEXT:
+        return row.data
     data, end = bytearray(), 0
     for group in _DIGITS.finditer(row.groups):
         beside = (row.groups[end:] + row.beside).strip()
