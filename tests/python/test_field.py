@@ -42,6 +42,18 @@ def test_data_exchange_that_came_too_late_is_refused(field: Path) -> None:
     assert station.cycle.most_ns == 182_000_000
 
 
+def test_the_debug_log_of_a_master_has_its_frames_and_loses_none(field: Path) -> None:
+    result = result_of(field / "serial-master.log")
+    assert (result.frames, result.problem, result.transactions) == (14, None, [])
+    (station,) = [each for each in result.bus.stations if each.address == 5] if result.bus else []
+    assert (station.role, station.ident, station.requests, station.unanswered) == (
+        "slave",
+        0x806A,
+        7,
+        0,
+    )
+
+
 def test_what_was_read_is_not_to_be_changed(field: Path) -> None:
     result = result_of(field / "read-0x11.pcap")
     assert {each.rule for each in result.findings} == {"DS410", "DS701"}

@@ -30,6 +30,9 @@ OTHERS = (
     "0000: 0x01, 0x02, 0x02, 0x01, 0x10, 0x01, 0x0b, 0x54,\n0008: 0x00, 0x00, 0x08, 0x01, 0x41, 0x20, 0x00, 0x00",
     "01h 02h 02h 01h 10h 01h 0Bh 54h 00h 00h 08h 01h 41h 20h 00h 00h",
     "0102 0201 1001 0b54 0000 0801 4120 0000",
+    "0102 0201 1001 0b54 0000 0801 4120 0000 hex",
+    "hex: 01 02 02 01 10 01 0b 54 00 00 08 01 41 20 00 00",
+    "0102hex 0201hex 1001hex 0B54hex 0000hex 0801hex 4120hex 0000hex",
     "0102 0201\n1001 0b54\n0000 0801\n4120 0000",
     "0102  0201  1001  0b54  0000  0801  4120  0000",
     "0102  0201  1001  0b54\n0000  0801  4120  0000",
@@ -135,7 +138,7 @@ def test_what_is_hexadecimal_is_no_list(text: str) -> None:
             "05 01 01 01\n08 01 41 20 00 00",
             "'05', '08' in front of the lines .*: leave offsets out, or",
         ),
-        ("0102 hex", "'hex' is no hexadecimal number"),
+        ("0102 hexa", "'hexa' is no hexadecimal number"),
     ],
 )
 def test_what_is_in_doubt_is_refused(text: str, words: str) -> None:

@@ -116,20 +116,23 @@ def test_everything_is_what_is_read() -> None:
 
 
 def test_what_cannot_be_read_is_told_with_its_line() -> None:
+    """Words are not told: nothing is lost with them."""
     lines = stamped(FRAMES).splitlines()
-    lines[2:2] = ["hello", "68 0g"]
+    lines[2:2] = ["hello", "68 0g", "68 xx"]
     result = analyze(io.BytesIO("\n".join(lines).encode()))
     assert len(result.transactions) == 1
-    assert result.problem == "line 3 cannot be read: 'hello'; nor can line 4"
+    assert result.problem == "line 4 cannot be read: '68 0g'; nor can line 5"
     assert not result.complete
 
 
 def test_many_lines_that_cannot_be_read() -> None:
-    text = plain(FRAMES) + "what?\n" * 1000
+    text = plain(FRAMES) + "E5 ?? 10\n" * 1000
     problem = analyze(io.BytesIO(text.encode())).problem
     first = len(FRAMES) + 1
     others = ", ".join(str(first + at) for at in range(1, 5))
-    assert problem == f"line {first} cannot be read: 'what?'; nor can lines {others} and 995 more"
+    assert (
+        problem == f"line {first} cannot be read: 'E5 ?? 10'; nor can lines {others} and 995 more"
+    )
 
 
 @pytest.mark.parametrize(

@@ -6,66 +6,23 @@ what a line or a frame is (`ds47.profibus.listing`, `stream`). Reference: docs/p
 
 from __future__ import annotations
 
-import codecs
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import islice
 
 from ds47.profibus import PROFIBUS_DL, listing
 from ds47.profibus.stream import TelegramReader, split
 from ds47.profibus.telegram import SD1, SD2, SD3, Telegram
 
+from . import text
 from .frame import Frame, Interface, WholeFrame
 from .scan import Watch
 from .stream import Window
 
-_LOOKED_AT = 1 << 16
-"""Bytes at the beginning that have to show what it is,"""
-_LINES = 200
-"""and lines."""
 _PROOFS = 2
 """Frames without a flaw that make bytes a recording; of a text one is enough."""
-_LONGEST = 1 << 20
-"""Characters of a line; a longer one is read as several."""
 _BATCH = 256
-_LISTED = 5
-"""The most unreadable lines that are listed by number."""
-_MARKS = (
-    (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-)
-_CONTROL = bytes(set(range(0x20)) - set(b"\t\n\r\f\x1b"))
-"""Characters that no text has."""
-
 Entry = tuple[int | None, Telegram]
 """A frame, and its time by the log's own clock, in nanoseconds."""
-
-
-@dataclass(slots=True)
-class _Unread:
-    """Lines that could not be read."""
-
-    count: int = 0
-    first: list[listing.Unread] = field(default_factory=list)
-
-    def add(self, line: listing.Unread) -> None:
-        self.count += 1
-        if len(self.first) < _LISTED:
-            self.first.append(line)
-
-    def text(self) -> str | None:
-        """One line for a person; None where all was read."""
-        if not self.count:
-            return None
-        one, *more = self.first
-        text = f"line {one.line} cannot be read: {one.text!r}"
-        if self.count > 1:
-            numbers = ", ".join(str(each.line) for each in more)
-            rest = self.count - len(self.first)
-            text += f"; nor can line{'s' * (len(more) > 1)} {numbers}"
-            text += f" and {rest} more" if rest else ""
-        return text
 
 
 class BusLogReader:
@@ -82,7 +39,7 @@ class BusLogReader:
         self._window = window
         self._encoding = encoding
         self._interface = Interface(PROFIBUS_DL, 0)
-        self._unread = _Unread()
+        self._unread = text.UnreadLines()
         self.frames = 0
         self.first_ns: int | None = None
         self.last_ns: int | None = None
@@ -128,50 +85,27 @@ class BusLogReader:
         if self._encoding is None:
             yield from self._recorded()
             return
-        for each in listing.read(_lines(self._chunks(), self._encoding)):
+        for each in listing.read(text.lines(text.chunks(self._window), self._encoding)):
             if isinstance(each, listing.Unread):
-                self._unread.add(each)
+                self._unread.add(each.line, each.text)
             else:
                 yield each.time_ns, each.telegram
 
     def _recorded(self) -> Iterator[Entry]:
         reader = TelegramReader(border=False)
-        for chunk in self._chunks():
+        for chunk in text.chunks(self._window):
             for piece in reader.feed(chunk):
                 yield None, piece.telegram
         for piece in reader.finish():
             yield None, piece.telegram
 
-    def _chunks(self) -> Iterator[bytes]:
-        window = self._window
-        while window.end:
-            yield bytes(window.view[: window.end])
-            window.more(window.end, 1)
-
-
-def _lines(chunks: Iterable[bytes], encoding: str) -> Iterator[str]:
-    """The lines of a text; one that is too long is given in parts."""
-    decoder, rest = codecs.getincrementaldecoder(encoding)("replace"), ""
-    for chunk in chunks:
-        *whole, rest = (rest + decoder.decode(chunk)).split("\n")
-        yield from whole
-        if len(rest) > _LONGEST:
-            yield rest
-            rest = ""
-    rest += decoder.decode(b"", final=True)
-    if rest:
-        yield rest
-
 
 def recognised(window: Window) -> BusLogReader | None:
-    """The reader of what stands in a window; None where it is no recording of PROFIBUS.
-
-    Nothing more is read: who feeds a pipe may wait.
-    """
-    head = bytes(window.view[: min(_LOOKED_AT, window.end)])
-    encoding = _text(head)
+    """The reader of what stands in a window; None where it is no recording of PROFIBUS."""
+    head = bytes(window.view[: min(text.LOOKED_AT, window.end)])
+    encoding = text.encoding(head)
     if encoding is not None:
-        lines = islice(_lines([head], encoding), _LINES)
+        lines = text.lines([head], encoding)
         found = (each for each in listing.read(lines) if isinstance(each, listing.LogEntry))
         return BusLogReader(window, encoding) if any(map(_proves, _telegrams(found))) else None
     proofs = sum(_proves(piece.telegram) for piece in split(head, border=False))
@@ -185,17 +119,3 @@ def _telegrams(found: Iterable[listing.LogEntry]) -> Iterator[Telegram]:
 def _proves(item: Telegram) -> bool:
     """Whether a frame has check byte and end byte, and both are right."""
     return item.kind in (SD1, SD2, SD3) and not item.flaws
-
-
-def _text(head: bytes) -> str | None:
-    """The encoding of a text; None for bytes."""
-    for mark, encoding in _MARKS:
-        if head.startswith(mark):
-            return encoding
-    if head.translate(None, _CONTROL) != head:
-        return None
-    try:
-        codecs.getincrementaldecoder("utf-8")().decode(head)
-    except UnicodeDecodeError:
-        return "latin-1"
-    return "utf-8"

@@ -15,7 +15,7 @@ from .scan import IPV4, TCP, UDP, network_layer
 
 FRAMES: Final = 10_000
 """How many frames to look at."""
-_ETHER_TYPES: Final = {
+ETHER_TYPES: Final = {
     0x0806: "ARP", 0x86DD: "IPv6", 0x8892: "PROFINET", 0x88A4: "EtherCAT", 0x88AB: "POWERLINK", 0x88CC: "LLDP",
     0x88E3: "MRP", 0x88F7: "PTP", 0x8847: "MPLS",
 }  # fmt: skip
@@ -35,7 +35,7 @@ def _kind(frame: Frame) -> str:
     data = frame.data
     kind, at = network_layer(data, 0, len(data), frame.link_type)
     if kind != IPV4:
-        return _ETHER_TYPES.get(kind) or ("LLC" if 0 < kind < _LENGTHS else "other")
+        return ETHER_TYPES.get(kind) or ("LLC" if 0 < kind < _LENGTHS else "other")
     if len(data) < at + 20:
         return "IPv4"
     protocol, start = data[at + 9], at + (data[at] & 15) * 4

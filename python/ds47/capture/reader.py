@@ -19,6 +19,7 @@ from .stream import Stream, Window
 
 if TYPE_CHECKING:
     from .bus_log import BusLogReader
+    from .hex_dump import HexDumpReader
 
 
 class Capture(Closing):
@@ -42,13 +43,13 @@ class Capture(Closing):
         window = Window(stream)
         window.more(0, 4)
         head = bytes(window.view[: min(4, window.end)])
-        self._reader: pcap.PcapReader | pcapng.PcapngReader | BusLogReader
+        self._reader: pcap.PcapReader | pcapng.PcapngReader | HexDumpReader | BusLogReader
         if pcap.recognised(head):
             self._reader = pcap.PcapReader(window)
         elif pcapng.recognised(head):
             self._reader = pcapng.PcapngReader(window)
-        elif log := _recording(window):
-            self._reader = log
+        elif recording := _recording(window):
+            self._reader = recording
         else:
             raise CaptureError(_not_a_capture(head, window.broken))
         self._frames = chain.from_iterable(self._read())
@@ -107,7 +108,7 @@ class Capture(Closing):
 
     @property
     def timed(self) -> bool:
-        """Whether frames have times; a log of PROFIBUS may have none."""
+        """Whether frames have times; a text may have none."""
         return self._reader.timed
 
     @property
@@ -121,11 +122,18 @@ class Capture(Closing):
         self._stream.close()
 
 
-def _recording(window: Window) -> BusLogReader | None:
-    """The reader of a recording of PROFIBUS; few captures are one, so what knows them is read only here."""
-    from . import bus_log
+def _recording(window: Window) -> HexDumpReader | BusLogReader | None:
+    """The reader of a text or of bytes of PROFIBUS; few captures are one, so what knows them is read only here."""
+    from . import bus_log, hex_dump, text
 
-    return bus_log.recognised(window)
+    while (found := hex_dump.recognised(window) or bus_log.recognised(window)) is None:
+        size = window.end  # a pipe may have given no more than words yet
+        if size >= text.LOOKED_AT or text.encoding(bytes(window.view[:size])) is None:
+            return None
+        window.more(0, 2 * size)
+        if window.end == size:
+            return None
+    return found
 
 
 def _not_a_capture(head: bytes, broken: str | None) -> str:
@@ -137,10 +145,10 @@ def _not_a_capture(head: bytes, broken: str | None) -> str:
     if kind is None:
         kind = f"it begins with {head.hex(' ')}"
         if head.isascii() and head.decode().isprintable():
-            kind = "it is a text, and no log of PROFIBUS"
+            kind = "it is a text, and no hex dump of frames or log of PROFIBUS"
     return (
         f"not a capture: {kind}; expected is pcap or pcapng (.gz, .zst), "
-        "or a recording with frames of PROFIBUS"
+        "a hex dump of their frames, or a recording with frames of PROFIBUS"
     )
 
 
@@ -178,7 +186,7 @@ def holds_capture(path: str | Path) -> bool:
 def open_capture(source: str | Path | BinaryIO, *, name: str | None = None) -> Capture:
     """Open a capture: a path, "-" for stdin, or a binary file object (which stays open).
 
-    pcap, pcapng, recordings of PROFIBUS (bus_log.py), gzip and zstd are recognised by content. `name` is
+    pcap, pcapng, hex dumps, recordings of PROFIBUS, gzip and zstd are recognised by content. `name` is
     shown instead of the path. Raises CaptureError when nothing can be read at all.
     """
     stream = Stream(source, name)

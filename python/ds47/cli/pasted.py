@@ -19,6 +19,8 @@ _LINE: Final = re.compile(
 )
 """The number in front of a line, what separates it, and the rest; `03:01:02` has none in front."""
 _TOKEN: Final = re.compile(r"[^\s,;\[\](){}-]+")
+_NAME: Final = re.compile(r"(?<!\w)hex\b:?|(?<=[0-9a-f])hex\b", re.IGNORECASE)
+"""What people write beside hexadecimal numbers: `0101 hex`."""
 _DIGITS: Final = re.compile(r"(?:0x)?([0-9a-f]+)h?", re.IGNORECASE)
 _DECIMAL: Final = re.compile(r"-?\d{1,3}")
 _BASES: Final = (16, 10, 8)
@@ -53,7 +55,8 @@ def read(text: str) -> Pasted:
     Raises:
         ValueError: it has none of the forms, or may have two; the message says where, and what to do.
     """
-    lines = _without_offsets([line for line in text.splitlines() if line.strip()])
+    plain = [_NAME.sub("", line) for line in text.splitlines()]
+    lines = _without_offsets([line for line in plain if line.strip()])
     numbers = _decimal(lines)
     if numbers is None:
         return Pasted(parse_hex("\n".join(lines)))

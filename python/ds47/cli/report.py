@@ -173,7 +173,8 @@ def command(
     """Report the DS47 transactions of captures.
 
     PATH is a pcap or pcapng file (also .gz and .zst), a folder, which is searched for captures
-    with all that is below it, a URL of either (s3://...), or - for stdin.
+    with all that is below it, a URL of either (s3://...), or - for stdin. Texts count as captures, too: hex dumps
+    of packets (tshark -x, tcpdump -xx), and logs of PROFIBUS.
     """
     collect_rarely()
     asked = {name: options.pop(name) for name in CRITERIA}

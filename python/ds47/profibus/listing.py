@@ -5,7 +5,9 @@
     [0.001250] E5                                   seconds, or with a unit: 1250 us
     Index;Time us;Dirn;Data                         CSV, by a head that names the data
 
-Unreadable lines are reported by number. Files and encodings are not here.
+    DEBUG PHY-serial: TX   10 03 02 49 4E 16        a line of a debug log (wordy.py)
+
+Damaged bytes are reported by number of line; words without any cost nothing. Files and encodings are not here.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from ds47.profibus import wordy
 from ds47.profibus.stream import split
 from ds47.profibus.telegram import Telegram
 from ds47.profidrive.notation import parse_hex
@@ -31,7 +34,11 @@ _UNIT = r"(?P<unit>[mnuµμ]?s)"
 _END = r"(?:[\])](?=[\s;,|:]|$)|(?=[\s;|]|:\s|$))"
 """Behind a time: a comma alone ends none, it may stand between bytes."""
 _CLOCK_FRONT = re.compile(rf"\s*[\[(]?(?P<clock>{_CLOCK.pattern})(?:{_END}|(?=,))")
-_NUMBER_FRONT = re.compile(rf"\s*(?P<open>[\[(]?)(?P<number>{_NUMBER.pattern})\s*{_UNIT}?{_END}")
+_CLOCK_WITHIN = re.compile(rf"(?<![\w:.-]){_CLOCK.pattern}(?![\w:])")
+"""A logger may put its name or the level in front."""
+_NUMBER_FRONT = re.compile(
+    rf"\s*(?:(?P<open>[\[(])\s*)?(?P<number>{_NUMBER.pattern})\s*{_UNIT}?{_END}"
+)
 _GAP = re.compile(r"[\s;,|:]+")
 _HEAD_UNIT = re.compile(rf"(?P<name>.*?)[\s_/]*[\s_/(\[]{_UNIT}[)\]]?")
 _DELIMITERS = ";\t|,"
@@ -96,26 +103,29 @@ def read(lines: Iterable[str]) -> Iterator[LogEntry | Unread]:
 
 
 def _plain(number: int, text: str) -> Iterator[LogEntry | Unread]:
-    time_ns, rest = _front(text)
-    direction, rest = _direction(rest)
-    yield from _frames(number, text, time_ns, direction, rest)
-
-
-def _frames(
-    number: int, text: str, time_ns: int | None, direction: str | None, digits: str
-) -> Iterator[LogEntry | Unread]:
-    try:
-        data = parse_hex(digits)
-    except ValueError:
-        data = b""
-    if not data:
+    time_ns, rest = front(text)
+    direction, digits = _direction(rest)
+    if data := _bytes(digits):
+        for piece in split(data):
+            yield LogEntry(number, time_ns, direction, piece.telegram)
+    elif found := wordy.find(rest):
+        if time_ns is None and (clock := _CLOCK_WITHIN.search(rest)):
+            time_ns = _clock(clock[0])
+        for item in found.telegrams:
+            yield LogEntry(number, time_ns, _side(found.word or ""), item)
+    elif wordy.damaged(digits):
         yield Unread(number, "hex", text[:_MOST_TEXT])
-        return
-    for piece in split(data):
-        yield LogEntry(number, time_ns, direction, piece.telegram)
 
 
-def _front(text: str) -> tuple[int | None, str]:
+def _bytes(digits: str) -> bytes:
+    """The bytes of a text that is nothing else; none where it is something else."""
+    try:
+        return parse_hex(digits)
+    except ValueError:
+        return b""
+
+
+def front(text: str) -> tuple[int | None, str]:
     """The time with which a line begins, and what stands behind it.
 
     A whole number without unit and brackets is none: it would be taken from the bytes.
@@ -217,4 +227,8 @@ def _row(number: int, text: str, columns: _Columns) -> Iterator[LogEntry | Unrea
     if said and time_ns is None:
         yield Unread(number, "time", text[:_MOST_TEXT])
     direction = None if columns.direction is None else _side(cells[columns.direction])
-    yield from _frames(number, text, time_ns, direction, cells[columns.data])
+    data = _bytes(cells[columns.data])
+    if not data:
+        yield Unread(number, "hex", text[:_MOST_TEXT])
+    for piece in split(data):
+        yield LogEntry(number, time_ns, direction, piece.telegram)

@@ -206,6 +206,22 @@ def listing() -> Listing:
     return Listing(**{k: tuple(v) if isinstance(v, list) else v for k, v in table.items()})
 
 
+class Printed(Row):
+    """Parts of a function code by the names that a master prints for them."""
+
+    request: Mapping[str, int]
+    count: Mapping[str, int]
+    """FCB and FCV."""
+    state: Mapping[str, int]
+    status: Mapping[str, int]
+
+
+@cache
+def printed() -> Printed:
+    """The names of profirust."""
+    return Printed(**_load("profibus.toml")["printed"])
+
+
 @cache
 def vendors() -> Mapping[int, int]:
     """PROFINET vendor id of the maker, by the ident numbers of drives that are known."""
