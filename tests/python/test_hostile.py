@@ -430,7 +430,7 @@ def feed(run: Analysis, packet: Packet) -> None:
     pdu = run._brought(packet)
     for what, call, said in () if pdu is None else run._calls.take(pdu):
         run._records.takes[what](call, said)
-    run._hear()
+    run._process()
 
 
 @pytest.mark.parametrize("stream", STREAMS, ids=lambda each: each.__name__)
@@ -561,9 +561,9 @@ def test_a_transport_finding_holds_no_finished_transaction():
     assert not any(job.over for job in run._remarks)
     for what, call, said in run._calls.finish():
         run._records.takes[what](call, said)
-    run._hear()
+    run._process()
     run._pairing.finish()
-    run._hear()
+    run._process()
     assert not run._remarks
 
 

@@ -2,7 +2,7 @@
 
 A job is a transaction in the making. Its life is the table `spec/pairing.toml`. This module only decides which
 job a record call belongs to. It decodes nothing and judges nothing: it appends the outcome of each job to a
-list (`Told`), and the caller processes that list.
+list (`Outcome`), and the caller processes that list.
 """
 
 from __future__ import annotations
@@ -293,7 +293,7 @@ What = Literal[
     "asked", "refused", "answered", "closed", "nothing", "connected", "remark", "foreign", "set_up",
     "questions", "proven", "no_drive",
 ]  # fmt: skip
-Told = tuple[What, Any, Any]
+Outcome = tuple[What, Any, Any]
 """What happened, its subject, and one more object; in the order of the capture:
 
     asked       a job: its Write asks for a change
@@ -316,19 +316,19 @@ class Pairing:
 
     Args:
         limits: the numbers of spec/limits.toml.
-        told: gets the outcomes of jobs.
+        outcomes: gets what happened to jobs.
         completeness: knows what the capture lacks; None: it lacks nothing.
     """
 
     def __init__(
-        self, limits: Limits, told: list[Told], completeness: Completeness | None = None
+        self, limits: Limits, outcomes: list[Outcome], completeness: Completeness | None = None
     ) -> None:
         self._limits = limits
         self._completeness = completeness
         self._behind: Callable[..., Missing | None] = (
             completeness.behind if completeness is not None else lambda *_, **__: None
         )
-        self._told = told
+        self._outcomes = outcomes
         self._table = phases()
         self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
@@ -374,7 +374,7 @@ class Pairing:
         channel.reference, channel.written = message.request_reference, asked.frame
         channel.asked.append(job)
         if message.operation == "change":
-            self._told.append(("asked", job, None))
+            self._outcomes.append(("asked", job, None))
         if len(channel.asked) > self._limits.pending_writes:
             self._push_out(channel.asked.pop(0), "pending_writes")
         return job
@@ -403,7 +403,7 @@ class Pairing:
         else:
             self._refuse(channel, job)
             if job.phase == "refused":
-                self._told.append(("refused", job, None))
+                self._outcomes.append(("refused", job, None))
 
     def _waits(self, peer: Peer) -> bool:
         """Whether the client usually waits, so that a response after its next call is a second copy."""
@@ -675,7 +675,7 @@ class Pairing:
             missing = self._may_be_open(
                 record.peer, record.channel, channel, record.request or half
             )
-        self._told.append(("nothing", record, missing))
+        self._outcomes.append(("nothing", record, missing))
         if half.status is not None and known:
             channel.pass_over()
             if missing is None:
@@ -810,12 +810,12 @@ class Pairing:
             if only:
                 self._replace(controller, device, ar, at)
                 self._put(self._connected, (controller, device), ar)
-        self._told.append(("connected", device, at.frame))
+        self._outcomes.append(("connected", device, at.frame))
 
     def started(self, station: str, at: Moment) -> None:
         """A PROFIBUS station got its parameters: it may have been switched off before."""
         self._put(self._started, station, at)
-        self._told.append(("connected", station, at.frame))
+        self._outcomes.append(("connected", station, at.frame))
 
     def _replace(self, controller: str, device: str, ar: bytes, at: Moment) -> None:
         before = self._connected.get((controller, device))
@@ -1046,7 +1046,7 @@ class Pairing:
             channel.open = None
         if channel.refused is job:
             channel.refused = None
-        self._told.append(("answered", job, None))
+        self._outcomes.append(("answered", job, None))
         if not half.data:
             self._lose(job, "")
             if not job.write_refused:
@@ -1121,7 +1121,7 @@ class Pairing:
         if job.missing is not None and job.fetching and job.read_request is None:
             job.read_request = job.fetching[0]
         job.phase = self._table[job.phase][event]
-        self._told.append(("closed", job, None))
+        self._outcomes.append(("closed", job, None))
 
     def _push_out(self, job: Job, limit: str) -> None:
         """A limit closes a job: its response may still come."""

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, Final
 
-from ds47.acyclic.pairing import Moment, Pairing, Told
+from ds47.acyclic.pairing import Moment, Outcome, Pairing
 from ds47.acyclic.record_events import RecordEvents
 from ds47.findings.remark import Remark
 from ds47.profinet import rpc
@@ -51,7 +51,7 @@ class RecordCalls:
     Args:
         events: hears of every record that may be ours.
         pairing: hears when a connection begins.
-        told: gets the transport findings, foreign Writes, and what a Connect sets up.
+        outcomes: gets the transport findings, foreign Writes, and what a Connect sets up.
         completeness: hears of calls with an unknown place, because the capture cut them.
         limits: the numbers of spec/limits.toml.
         stations: learns the names of devices.
@@ -62,7 +62,7 @@ class RecordCalls:
         self,
         events: RecordEvents,
         pairing: Pairing,
-        told: list[Told],
+        outcomes: list[Outcome],
         completeness: Completeness,
         limits: Limits,
         stations: Stations,
@@ -75,7 +75,7 @@ class RecordCalls:
         self._events = events
         self._concerned = events.concerned
         self._pairing = pairing
-        self._told = told
+        self._outcomes = outcomes
         self._completeness = completeness
         self._forgot_requests = False
         """Whether a limit pushed out a request, so that its response may still come."""
@@ -104,7 +104,7 @@ class RecordCalls:
             if name in _OF_REQUESTS and self._newest < frame:
                 continue
             args = {"limit": name, "most": getattr(self._limits, name), "count": count}
-            self._told.append(("remark", Remark("DS109", frame, args), None))
+            self._outcomes.append(("remark", Remark("DS109", frame, args), None))
 
     def incomplete(self, given_up: rpc.GivenUp, kind: str, call: RpcCall | None = None) -> None:
         """A message was given up before all its fragments were there.
@@ -167,7 +167,7 @@ class RecordCalls:
         if multiple:
             self._events.requests[RECORD_WRITE_MULTIPLE, True] += 1
         if any(each.index == RECORD_WRITE_MULTIPLE for each in records):
-            self._told.append(("remark", Remark("DS208", pdu.frame), None))
+            self._outcomes.append(("remark", Remark("DS208", pdu.frame), None))
 
     def _late(self, call: RpcCall, answer: rpc.Pdu) -> None:
         """The request came after its response, which was already reported as one without a request."""
@@ -248,7 +248,7 @@ class RecordCalls:
         if pdu.opnum not in OPERATIONS:
             self._goes_on(pdu)
             if call.opnum == RPC_CONNECT and call.request is not None:
-                self._told.append(("set_up", call.request, pdu))
+                self._outcomes.append(("set_up", call.request, pdu))
         if not call.context:
             return
         status, answers = parse_answers(pdu)
@@ -260,7 +260,7 @@ class RecordCalls:
             half = answers[number][0] if there else without_block(pdu, status, write=record.write)
             record.response = half
             if not ours:
-                self._told.append(("foreign", record, None))
+                self._outcomes.append(("foreign", record, None))
                 continue
             self._newest = pdu.frame
             if half.status is None and not half.cut:
@@ -289,7 +289,7 @@ class RecordCalls:
                     self._alone.popitem(last=False)
                 self._events.pass_on(record, "about", remark)
             if record.write:
-                self._told.append(("foreign", record, None))
+                self._outcomes.append(("foreign", record, None))
             self._events.unasked(record, pdu.cut)
 
     def _twice(self, call: RpcCall, pdu: rpc.Pdu) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47
-from ds47.acyclic.pairing import Moment, Pairing, Told
+from ds47.acyclic.pairing import Moment, Outcome, Pairing
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request
 from ds47.profidrive.parameter import shared_request
@@ -27,16 +27,16 @@ class RecordEvents:
         index47: decides which records are ours.
         pairing: hears of every Write and Read that is ours.
         codec: dialects of the messages.
-        told: gets the findings.
+        outcomes: gets the findings.
     """
 
     def __init__(
-        self, index47: Index47, pairing: Pairing, codec: Options, told: list[Told]
+        self, index47: Index47, pairing: Pairing, codec: Options, outcomes: list[Outcome]
     ) -> None:
         self._index47 = index47
         self._pairing = pairing
         self._codec = codec
-        self._told = told
+        self._outcomes = outcomes
         self._happens: dict[str, Callable[[Any, Any], object]] = {
             "asked": self._asked, "answered": self._answered,
             "write_failed": self._write_failed, "write_unasked": lambda record, _: pairing.write_unasked(record),
@@ -192,7 +192,7 @@ class RecordEvents:
         ars = None if drive else index47.echoed(record.relation, place, half.data)
         for ar in ars or ():
             self._pairing.release(*ar, index=SHARED_INDEX)
-            self._told.append(("no_drive", ar, None))
+            self._outcomes.append(("no_drive", ar, None))
         return ars is not None
 
     def _about(self, record: Record, remark: Remark) -> None:
@@ -200,7 +200,7 @@ class RecordEvents:
         self._remark(record, remark)
 
     def _remark(self, record: Record | None, remark: Remark) -> None:
-        self._told.append(("remark", remark, record))
+        self._outcomes.append(("remark", remark, record))
 
     def push_out(self, limit: str, frame: int) -> None:
         """A limit (spec/limits.toml) pushed out something of ours that began in this frame."""
