@@ -296,7 +296,7 @@ class RecordCalls:
         self._stations.message(pdu)
         args = {
             "operation": OPERATIONS.get(pdu.opnum, "?"),
-            "first": call.answer,
+            "first": call.response_frame,
             "has": "has_either" if call.again else "has_first",
         }
         self._about_call(call, Remark("DS111", pdu.frame, args))
