@@ -20,7 +20,7 @@ M.STATUS_NOT_READY = 0xDE80B500
 M.STATUS_IN_USE = 0xDF80B500
 
 local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
-local is_untold = records.is_untold
+local is_cut_before_status = records.is_cut_before_status
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, tables.limits.reads
 -- Length error on a Read: the response is longer than the Read allows (docs/protocol.md E.1).
 local STATUS_SHORT = 0xDE80B100
@@ -63,7 +63,7 @@ Job.again = "" -- what led to the first re-read: a key of tables.diagnosis_words
 --   uncounted: true for the first one on its channel, if another channel of its AR had its reference last
 --   twice: frame of one of its calls with two responses: the client may have got either; nil for none
 --   hasty: true if its Read came before its Write response, although its client usually waits
---   untold: frame that the capture cut off before the request, or the outcome of a call, is known; nil: none
+--   cut_frame: frame that the capture cut off before the request, or the outcome of a call, is known
 --   written_again: frame of an accepted Write with the same request, sent while this one had no response
 --   crossed: {first, last}, frames of two Writes, including this one, with responses in reverse order (P27)
 --   missing: what the capture lacks, so that nobody knows the outcome: {what, first, last, numbers}
@@ -107,7 +107,9 @@ end
 function Job:write_request() return self.message and self.record.request end
 
 --- Whether the capture shows the answer to the Write.
-function Job:write_told() return self.write_response ~= nil and not is_untold(self.write_response) end
+function Job:write_told()
+  return self.write_response ~= nil and not is_cut_before_status(self.write_response)
+end
 
 local function polls_with(job, status)
   local reads = {}
@@ -315,7 +317,7 @@ local function lacks_calls(self, job, asked, lost)
   if job.written_again then return {what = "written_again", first = asked.frame, last = job.written_again} end
   if job.crossed then return {what = "crossed", first = job.crossed.first, last = job.crossed.last} end
   if job.twice then return {what = "twice", first = job.twice} end
-  if job.untold then return {what = "cut_off", first = job.untold} end
+  if job.cut_frame then return {what = "cut_off", first = job.cut_frame} end
   if job.fetching and not job.limit then return {what = "read_answer", first = job.fetching[1].frame} end
   local found = behind(self, job.peer, asked.frame, lost)
   if found == nil and not (job:write_told() or job.limit) then return unanswered(job, asked) end
@@ -822,7 +824,7 @@ function Pairing:write_request(peer, record, message)
   local asked, half = channel.asked, record.request
   local count = #asked + 1
   job.uncounted = is_uncounted(self, channel, message.request_reference)
-  job.untold = half.cut and message.request_id == nil and half.frame or nil
+  job.cut_frame = half.cut and message.request_id == nil and half.frame or nil
   asked[count] = job
   channel.reference, channel.written = message.request_reference, half.frame
   touch(self, job, "write_request", half)
@@ -846,7 +848,7 @@ function Pairing:write_response(job, response, fault)
   job.write_refused = fault or (status ~= nil and status ~= 0)
   if response then
     touch(self, job, "write_response", response)
-    job.untold = is_untold(response) and response.frame or job.untold
+    job.cut_frame = is_cut_before_status(response) and response.frame or job.cut_frame
   end
   if job.phase == "closed" or (status == nil and not fault) then return end
   local channel = self.channels.values[job.channel_key]
@@ -874,7 +876,7 @@ function Pairing:write_unasked(peer, record)
     end
   end
   if channel.refused then leave_refused(self, channel) end
-  if half.status ~= 0 and not is_untold(half) then return end
+  if half.status ~= 0 and not is_cut_before_status(half) then return end
   channel.unseen = half.frame
   pass_over(channel)
   forget_last(self, channel)
@@ -1044,11 +1046,11 @@ function Pairing:read_response(peer, record)
 end
 
 --- The answer to a Read, cut off by the capture before its record: it counts as missing (P73).
-function Pairing:read_untold(peer, record)
+function Pairing:read_cut_before_status(peer, record)
   local job, half = record.job, record.response
   channel_of(self, peer, record, half.time_ns)
   if job and job.phase ~= "closed" then
-    job.untold = half.frame
+    job.cut_frame = half.frame
     touch(self, job, "empty_read", half)
   end
 end

@@ -112,7 +112,7 @@ class Job:
     """Frame of one of its calls with two responses: the client may have got either. 0 for none."""
     hasty: bool
     """Whether its Read came before its Write response, although its client usually waits for each response."""
-    untold: int
+    cut_frame: int
     """Frame that the capture cut off before the request, or the outcome of a call, is known; 0 for none."""
     written_again: int
     """Frame of an accepted Write with the same request, sent while this one had no response; 0 for none."""
@@ -181,7 +181,7 @@ class Job:
         self.ended = None
         self.fetching = []
         self.read_before = False
-        self.twice = self.untold = self.written_again = 0
+        self.twice = self.cut_frame = self.written_again = 0
         self.crossed = None
         self.missing = None
         self.limit = ""
@@ -207,7 +207,7 @@ class Job:
     @property
     def write_told(self) -> bool:
         """Whether the capture shows the answer to the Write."""
-        return self.write_response is not None and not self.write_response.untold
+        return self.write_response is not None and not self.write_response.cut_before_status
 
     @property
     def not_ready(self) -> list[tuple[Half | None, Half]]:
@@ -362,7 +362,7 @@ class Pairing:
         self._count += 1
         job = Job(record, message, order=self._count)
         if asked.cut and message.request_id is None:
-            job.untold = asked.frame
+            job.cut_frame = asked.frame
         before = job.previous = channel.written
         missing = None if before is None else self._behind(record.peer, before)
         if missing is None or missing.what == "one_direction":
@@ -388,8 +388,8 @@ class Pairing:
             return  # the client got another response before, and the device has executed the call twice
         status = response.status if response else None
         job.write_response, job.write_refused = response, fault or bool(status)
-        if response is not None and response.cut and response.untold:
-            job.untold = response.frame
+        if response is not None and response.cut and response.cut_before_status:
+            job.cut_frame = response.frame
         if job.phase == "closed" or (status is None and not fault):
             return
         channel = self.channels.get(job.key)
@@ -428,7 +428,7 @@ class Pairing:
         if channel.refused is not None:
             self._lose(channel.refused, "")
             channel.refused = None
-        if half.status != 0 and not half.untold:
+        if half.status != 0 and not half.cut_before_status:
             return
         channel.unseen = half.frame
         channel.pass_over()
@@ -499,13 +499,13 @@ class Pairing:
         since = (asked or first).frame  # frames may be out of order
         return first if self._behind(record.peer, since) is None else None
 
-    def read_untold(self, record: Record) -> None:
+    def read_cut_before_status(self, record: Record) -> None:
         """The answer to a Read, cut off by the capture before its record: it counts as missing (P73)."""
         job, half = record.job, record.response
         assert half is not None
         self._channel(record, half.time_ns)
         if job is not None and not job.over:
-            job.untold = half.frame
+            job.cut_frame = half.frame
 
     def _leave_refused(self, channel: Channel, job: Job | None) -> None:
         """The Read was not for the refused Write: no later Read is either."""
@@ -556,8 +556,8 @@ class Pairing:
             return Missing("crossed", *job.crossed)
         if job.twice:
             return Missing("twice", job.twice)
-        if job.untold:
-            return Missing("cut_off", job.untold)
+        if job.cut_frame:
+            return Missing("cut_off", job.cut_frame)
         if job.fetching and not job.limit:
             return Missing("read_answer", job.fetching[0].frame)
         found = self._behind(job.peer, asked.frame)

@@ -104,7 +104,7 @@ class RecordEvents:
         """A response, with or without its request; arguments as for `asked`."""
         half, write = record.response, record.write
         assert half is not None
-        if (half.missing and not write) or (half.cut and half.untold):
+        if (half.missing and not write) or (half.cut and half.cut_before_status):
             self._length(record, half, cut)
         if record.proven:
             self._answered(record, half)
@@ -162,8 +162,8 @@ class RecordEvents:
         if record.write:
             if record.job is not None:
                 self._pairing.write_response(record.job, half)
-        elif half.cut and half.untold:
-            self._pairing.read_untold(record)
+        elif half.cut and half.cut_before_status:
+            self._pairing.read_cut_before_status(record)
         else:
             spot = record.channel[1], record.channel[3:6]
             if record.index in ALWAYS and half.data and not self._index47.drives.get(spot):

@@ -92,7 +92,7 @@ class Half(Plain):
         self.status = status
 
     @property
-    def untold(self) -> bool:
+    def cut_before_status(self) -> bool:
         """Whether the capture cut this response off before it shows the outcome of the call."""
         return self.cut and not (self.status or self.missing)
 
