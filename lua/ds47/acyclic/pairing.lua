@@ -271,7 +271,7 @@ function Pairing:may_lack(peer, frame) return behind(self, peer, frame) ~= nil e
 
 -- What may be missing of the requests on a channel after a frame; 0: from before the capture.
 local function asked_behind(self, peer, channel, since, in_order)
-  if channel.unseen > since then return {what = "requests"} end
+  if channel.unseen_frame > since then return {what = "requests"} end
   return since == 0 and {what = "begins"} or behind(self, peer, since, nil, in_order)
 end
 
@@ -279,16 +279,16 @@ end
 -- Connect may be after the Read, if the AR proves itself late. It does not count then.
 local function free_since(self, channel, read)
   local connect = self.connects:get(channel.ar_key)
-  return math.max(channel.ended, connect and connect.frame < read.frame and connect.frame or 0)
+  return math.max(channel.ended_frame, connect and connect.frame < read.frame and connect.frame or 0)
 end
 
 -- Which missing request may be open on a channel, if the capture shows none (P78).
 -- A program goes on reading after a Connect what it asked for before.
 local function may_be_open(self, peer, channel, half)
-  local since = channel.ended > 0 and channel.ended or free_since(self, channel, half)
+  local since = channel.ended_frame > 0 and channel.ended_frame or free_since(self, channel, half)
   local missing = asked_behind(self, peer, channel, since)
   for key in self.of_place[channel.place]:newest_first(self.limits.users) do
-    local unseen = self.channels:get(key).unseen > channel.ended -- whoever asked there
+    local unseen = self.channels:get(key).unseen_frame > channel.ended_frame -- whoever asked there
     missing = missing or unseen and {what = "requests"} or nil
   end
   return missing
@@ -414,7 +414,9 @@ local function at_the_end(channel)
   for _, job in ipairs(channel.asked) do why[job] = job ~= newest and "unseen" or nil end
   if newest == nil then return why end
   local asked = newest.record.request
-  if newest.order < channel.accepted or asked and channel.heard > asked.frame then why[newest] = "unseen" end
+  if newest.order < channel.accepted or asked and channel.heard_frame > asked.frame then
+    why[newest] = "unseen"
+  end
   if may_be_displaced(channel) then why[channel.open] = "later" end
   return why
 end
@@ -456,12 +458,12 @@ local function new_channel(self, key, peer, record)
     refused = nil, -- the latest refused Write, until something is read
     last = nil, -- the job that was answered last
     reference = nil, -- that of the newest Write,
-    written = nil, -- and its frame
+    written_frame = nil, -- and its frame
     accepted = 0, -- `order` of the newest Write that was accepted
-    heard = 0, -- frame of the newest record that was read
-    unasked = 0, -- frame of the newest Write response without a captured request
-    unseen = 0, -- the same, but only for an accepted Write: it displaced what was open
-    ended = 0, -- frame of the newest Read response that ended a known request, or found none open
+    heard_frame = 0, -- frame of the newest record that was read
+    unasked_frame = 0, -- frame of the newest Write response without a captured request
+    unseen_frame = 0, -- the same, but only for an accepted Write: it displaced what was open
+    ended_frame = 0, -- frame of the newest Read response that ended a known request, or found none open
   }
   self.channels:set(key, channel)
   put_in(self.of_ar, of_ar, key)
@@ -573,7 +575,7 @@ local function rival_of(self, channel, job)
   end
   local asked = found and found:write_request()
   if asked == nil then
-    return nil, channel.ended < came.frame and may_be_open(self, job.peer, channel, came) == nil
+    return nil, channel.ended_frame < came.frame and may_be_open(self, job.peer, channel, came) == nil
   elseif behind(self, found.peer, asked.frame) or behind(self, job.peer, asked.frame) then
     return nil
   end
@@ -688,7 +690,7 @@ local function answer(self, channel, job, record)
   job.read_request, job.read_response = record.request, half
   job.read_before = may_be_read(self, job)
   if job.message then -- anything may be missing before an orphan
-    channel.ended = half.frame
+    channel.ended_frame = half.frame
     if is_headless(half) and not job.write_refused then
       job.missing = {what = "cut_off", first = half.frame}
     end
@@ -798,7 +800,7 @@ local function reread(self, channel, job, record)
   job.phase = PHASES[job.phase].reread
   if not job.rereads[1] and not was_open(channel, record.request) then
     job.between = waiting_of(channel)
-    local written = math.max(channel.written or 0, channel.unasked)
+    local written = math.max(channel.written_frame or 0, channel.unasked_frame)
     local unaccepted = written > job.read_response.frame and "again_unaccepted"
     job.again = record.implicit and "again_without_ar" or unaccepted or "again"
   end
@@ -808,7 +810,7 @@ end
 
 -- Whether another channel of its AR had a reference last, where a channel has none yet.
 local function is_uncounted(self, channel, reference)
-  for key in (channel.written and NO_KEYS or self.of_ar[channel.ar_key]):iterate() do
+  for key in (channel.written_frame and NO_KEYS or self.of_ar[channel.ar_key]):iterate() do
     if self.channels:get(key).reference == reference then return true end
   end
   return nil
@@ -817,16 +819,16 @@ end
 --- Takes a Write request. Returns its job, for `write_response`.
 function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
-  local missing = channel.written and behind(self, peer, channel.written)
+  local missing = channel.written_frame and behind(self, peer, channel.written_frame)
   local known = not missing or missing.what == "one_direction" -- the request before it
   local reference = known and channel.reference or nil
-  local job = new_job(self, channel, peer, record, message, reference, channel.written)
+  local job = new_job(self, channel, peer, record, message, reference, channel.written_frame)
   local asked, half = channel.asked, record.request
   local count = #asked + 1
   job.uncounted = is_uncounted(self, channel, message.request_reference)
   job.cut_frame = half.cut and message.request_id == nil and half.frame or nil
   asked[count] = job
-  channel.reference, channel.written = message.request_reference, half.frame
+  channel.reference, channel.written_frame = message.request_reference, half.frame
   touch(self, job, "write_request", half)
   self.listener:asked(job)
   if count > self.limits.pending_writes then push_out(self, table.remove(asked, 1), "pending_writes") end
@@ -868,7 +870,7 @@ function Pairing:write_unasked(peer, record)
   local half = record.response
   if half == nil then return end
   local channel = channel_of(self, peer, record, half.time_ns)
-  channel.unasked = half.frame
+  channel.unasked_frame = half.frame
   local expiry = tables.limits.call_expiry_ns
   for _, job in ipairs(channel.asked) do
     if half.time_ns - job.record.request.time_ns > expiry then
@@ -877,7 +879,7 @@ function Pairing:write_unasked(peer, record)
   end
   if channel.refused then leave_refused(self, channel) end
   if half.status ~= 0 and not is_cut_before_status(half) then return end
-  channel.unseen = half.frame
+  channel.unseen_frame = half.frame
   pass_over(channel)
   forget_last(self, channel)
 end
@@ -938,7 +940,7 @@ local function of_another(self, channel, job, record)
     if refused then -- a record may be older than a start-up
       local begun = self.starts:get(job.peer.device)
       local due = not has_data and begun and begun.frame < (record.request or half).frame
-      since = due and math.max(channel.ended, begun.frame) or channel.ended
+      since = due and math.max(channel.ended_frame, begun.frame) or channel.ended_frame
     end
     local found = asked_behind(self, job.peer, channel, since)
     if refused and not fits and has_data then found = found or behind(self, job.peer, 0) end
@@ -967,7 +969,7 @@ local function of_another(self, channel, job, record)
   end
   if unknown and found then
     return asked_behind(self, job.peer, channel, asked.frame, fits) or unanswered(job, asked)
-  elseif found == nil or not has_data or channel.unseen > since then
+  elseif found == nil or not has_data or channel.unseen_frame > since then
     return found
   end
   local sure = fits and kind_fits(job.message, data) -- a record that is too short is not sure
@@ -987,7 +989,7 @@ local function nothing(self, peer, channel, record, missing)
   self.listener:nothing_to_read(peer, record, missing)
   if half.status ~= nil and known then
     pass_over(channel)
-    if missing == nil then channel.ended = half.frame end
+    if missing == nil then channel.ended_frame = half.frame end
   end
 end
 
@@ -996,7 +998,7 @@ function Pairing:read_response(peer, record)
   local half = record.response
   local channel = channel_of(self, peer, record, half.time_ns)
   local event = read_event(half)
-  if event == "read_record" or event == "read_cut" then channel.heard = half.frame end
+  if event == "read_record" or event == "read_cut" then channel.heard_frame = half.frame end
   local job = addressee(channel, event, record)
   local over = job and wrote_behind(channel, job, record)
   if over then
@@ -1038,7 +1040,7 @@ function Pairing:read_response(peer, record)
     return last
   end
   if not (late or event == "read_cut" or is_last(channel, half)) then pass_over(channel) end
-  job = new_job(self, channel, peer, record, nil, nil, channel.written)
+  job = new_job(self, channel, peer, record, nil, nil, channel.written_frame)
   job.phase, job.uncertain = "open", self.forgot_requests or nil
   if again then job.repeats = last.read_response.frame end
   read(self, channel, job, event, record)
@@ -1063,7 +1065,7 @@ function Pairing:waits_for(peer, record)
   if not asked or not lost or asked.frame > lost.frame then
     return nil -- the Read was sent before the Write of this job
   end
-  if channel.ended > lost.frame then return nil end -- another request was open when the Read was sent
+  if channel.ended_frame > lost.frame then return nil end -- another request was open when the Read was sent
   return job
 end
 

@@ -233,17 +233,17 @@ class Channel(Plain):
     refused: Job | None
     last: Job | None
     reference: int | None
-    written: int | None
+    written_frame: int | None
     """The frame of the newest Write; `reference` is its request reference."""
     accepted: int
     """The `Job.order` of the newest accepted Write."""
-    heard: int
+    heard_frame: int
     """The frame of the newest record that was read; 0 for none."""
-    unasked: int
+    unasked_frame: int
     """The frame of the newest Write response without a captured request; 0 for none."""
-    unseen: int
+    unseen_frame: int
     """The same, but only for an accepted Write: it displaced what was open."""
-    ended: int
+    ended_frame: int
     """The frame of the newest Read response that ended a known request, or found none open; 0 for neither."""
 
     def __init__(
@@ -262,11 +262,11 @@ class Channel(Plain):
         self.refused = refused
         self.last = last
         self.reference = reference
-        self.written = None
+        self.written_frame = None
         self.accepted = 0
-        self.heard = 0
-        self.unasked = self.unseen = 0
-        self.ended = 0
+        self.heard_frame = 0
+        self.unasked_frame = self.unseen_frame = 0
+        self.ended_frame = 0
 
     def pass_over(self) -> None:
         """No request is open: a Read no longer counts as the answer to a Write that waits for its response."""
@@ -363,7 +363,7 @@ class Pairing:
         job = Job(record, message, order=self._count)
         if asked.cut and message.request_id is None:
             job.cut_frame = asked.frame
-        before = job.previous = channel.written
+        before = job.previous = channel.written_frame
         missing = None if before is None else self._behind(record.peer, before)
         if missing is None or missing.what == "one_direction":
             job.previous_reference = channel.reference
@@ -371,7 +371,7 @@ class Pairing:
             others = self._of_ar[record.relation]
             last = (self.channels[each].reference for each in others)
             job.uncounted = message.request_reference in last
-        channel.reference, channel.written = message.request_reference, asked.frame
+        channel.reference, channel.written_frame = message.request_reference, asked.frame
         channel.asked.append(job)
         if message.operation == "change":
             self._outcomes.append(("asked", job, None))
@@ -420,7 +420,7 @@ class Pairing:
         if half is None:
             return
         channel = self._channel(record, half.time_ns)
-        channel.unasked = half.frame
+        channel.unasked_frame = half.frame
         given_up = half.time_ns - self._limits.call_expiry_ns
         asked = (job.record.request for job in channel.asked)
         if any(each is not None and each.time_ns < given_up for each in asked):
@@ -430,7 +430,7 @@ class Pairing:
             channel.refused = None
         if half.status != 0 and not half.cut_before_status:
             return
-        channel.unseen = half.frame
+        channel.unseen_frame = half.frame
         channel.pass_over()
         self._forget_last(channel)
 
@@ -448,7 +448,7 @@ class Pairing:
         channel = self._channel(record, half.time_ns)
         event = _read_event(half)
         if event in ("read_record", "read_cut"):
-            channel.heard = half.frame
+            channel.heard_frame = half.frame
         job = self._addressee(channel, event, record)
         if job is not None and channel.refused is not None:
             job = self._sought(channel, job, event, record)
@@ -520,7 +520,7 @@ class Pairing:
     def _orphan(self, record: Record, channel: Channel, repeats: int | None) -> Job:
         """A record without a known request; `repeats`: the frame that had its bytes before."""
         job = Job(record, None, order=self.number())
-        job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
+        job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written_frame
         job.repeats = repeats
         half = record.response
         assert half is not None
@@ -610,7 +610,7 @@ class Pairing:
         if unknown and found is not None:  # at least its own Write response is missing
             behind = self._asked_behind(job.peer, channel, asked.frame, ordered=fits)
             return behind or _unanswered(job, asked)
-        if found is None or not half.data or channel.unseen > since:
+        if found is None or not half.data or channel.unseen_frame > since:
             return found
         # A record that is too short for its kind is not sure.
         sure = fits and _is_of_kind(job, half) is True
@@ -627,7 +627,7 @@ class Pairing:
         if refused:  # a record may be older than a start-up
             begun = self._started.get(job.peer.device, _NEVER).frame
             sought = record.request or half
-            since = channel.ended
+            since = channel.ended_frame
             if not half.data and since < begun < sought.frame:
                 since = begun
         found = self._asked_behind(job.peer, channel, since)
@@ -654,13 +654,13 @@ class Pairing:
         The newest Connect may be after the Read, if the AR proves itself late. It does not count then.
         """
         connect = self._connects.get(key[:3], _NEVER)
-        return max(channel.ended, connect.frame if connect.frame < read.frame else 0)
+        return max(channel.ended_frame, connect.frame if connect.frame < read.frame else 0)
 
     def _asked_behind(
         self, peer: Peer, channel: Channel, since: int, *, ordered: bool = False
     ) -> Missing | None:
         """What may be missing of the requests on a channel after a frame; 0: from before the capture."""
-        if channel.unseen > since:
+        if channel.unseen_frame > since:
             return Missing("requests")
         return self._behind(peer, since, ordered=ordered) if since else Missing("begins")
 
@@ -679,7 +679,7 @@ class Pairing:
         if half.status is not None and known:
             channel.pass_over()
             if missing is None:
-                channel.ended = half.frame
+                channel.ended_frame = half.frame
 
     def _may_be_open(
         self, peer: Peer, key: ChannelKey, channel: Channel, half: Half
@@ -688,9 +688,9 @@ class Pairing:
 
         A program goes on reading after a Connect what it asked for before.
         """
-        since = channel.ended or self._free_since(key, channel, half)
+        since = channel.ended_frame or self._free_since(key, channel, half)
         missing = self._asked_behind(peer, channel, since)
-        if missing is None and self._newest_unseen(key) > channel.ended:
+        if missing is None and self._newest_unseen(key) > channel.ended_frame:
             return Missing("requests")
         return missing
 
@@ -698,7 +698,8 @@ class Pairing:
         """The newest accepted Write to a place without its request, for any controller and AR: its frame."""
         keys = reversed(self._of_place.get(_spot(key), {}))
         return max(
-            (self.channels[each].unseen for each in islice(keys, self._limits.users)), default=0
+            (self.channels[each].unseen_frame for each in islice(keys, self._limits.users)),
+            default=0,
         )
 
     def is_again(self, record: Record) -> bool:
@@ -730,7 +731,7 @@ class Pairing:
         if not job.rereads and not _was_open(channel, record.request):
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
-            written = max(channel.written or 0, channel.unasked)
+            written = max(channel.written_frame or 0, channel.unasked_frame)
             job.again = "again_unaccepted" if written > read else "again"
             if record.implicit:
                 job.again = "again_without_ar"
@@ -760,7 +761,7 @@ class Pairing:
         asked = job.write_request if job is not None else None
         if job is None or asked is None or asked.frame > read.frame:
             return None  # the Read was sent before the Write of this job
-        if channel.ended > read.frame:
+        if channel.ended_frame > read.frame:
             return None  # another request was open when the Read was sent
         if job.read_request is None:
             job.read_request = read
@@ -961,7 +962,7 @@ class Pairing:
             held = self._held(job)
             job.rival = held and self._rival(held, job)
             asked = job.write_request or half
-            free = held is None and channel.ended < asked.frame
+            free = held is None and channel.ended_frame < asked.frame
             job.alone = free and self._may_be_open(job.peer, job.key, channel, asked) is None
         job.phase = self._table[job.phase]["write_refused"]
         if before == "answered":
@@ -1039,7 +1040,7 @@ class Pairing:
         job.read_request, job.read_response = read, half
         job.read_before = bool(job.polls or job.fetching) and self._may_be_read(job)
         if job.message is not None:  # anything may be missing before an orphan
-            channel.ended = half.frame
+            channel.ended_frame = half.frame
             if half.cut and _is_headless(half) and not job.write_refused:
                 job.missing = Missing("cut_off", half.frame)
         if channel.open is job:
@@ -1195,7 +1196,7 @@ def _at_the_end(channel: Channel) -> dict[int, str]:
     if newest is None:
         return why
     asked = newest.record.request
-    if newest.order < channel.accepted or (asked is not None and channel.heard > asked.frame):
+    if newest.order < channel.accepted or (asked is not None and channel.heard_frame > asked.frame):
         why[newest.order] = "unseen"
     return why | _may_be_displaced(channel)
 
