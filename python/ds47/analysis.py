@@ -532,7 +532,7 @@ class Analysis:
             if job.limit and job.write_request is not None:
                 self._events.push_out(job.limit, job.write_request.frame)
         remarks += self._judge.closed(job)
-        if not job.known:
+        if not job.shows_nothing_new:
             remarks += self._diagnoses.closed(job)
         transaction = self._built(job)
         if self._untimed:
@@ -549,7 +549,7 @@ class Analysis:
 
     def _over(self, job: Job, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction is over, and known to be one of DS47."""
-        if not job.known or self._diagnoses.storms:
+        if not job.shows_nothing_new or self._diagnoses.storms:
             self._diagnoses.over(job)
             self._objects.transaction(transaction)
         remarks += self._remarks.pop(job, ())

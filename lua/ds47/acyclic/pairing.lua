@@ -44,7 +44,7 @@ Job.rereads = NONE -- the same
 Job.empty_reads = NONE -- array of halves
 Job.calls = NONE -- the findings about its calls (DS101, DS103, DS104, DS108): array of {rule, frame}
 Job.reason = ""
-Job.again = "" -- what led to the first re-read: a key of tables.diagnosis_words
+Job.reread_cause = "" -- what led to the first re-read: a key of tables.diagnosis_words
 -- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
 --   previous: frame of the previous captured request on its channel
 --   superseding: the request that displaced this one; until it is closed
@@ -55,16 +55,17 @@ Job.again = "" -- what led to the first re-read: a key of tables.diagnosis_words
 --   between: the unanswered Write before the first re-read: the re-read may be for that Write
 --   ended: frame that ended the connection while the request was open
 --   limit: name of the limit that pushed it out: a response may still come
---   passed: true if it turned out, while this Write waited for its response, that no request is open (P28)
+--   passed_over: true if it turned out, while this Write waited for its response, that no request is open
+--     (P28)
 --   contested: true if a record that went to an older request may be the response to this one (P72)
 --   remarks: the findings about its response, until it is closed; the listener keeps them here
 --   fetching: array of its Reads that have no response yet; nil for none
 --   read_before: true if a missing or incomplete Read may have fetched the response earlier
 --   uncounted: true for the first one on its channel, if another channel of its AR had its reference last
---   twice: frame of one of its calls with two responses: the client may have got either; nil for none
+--   doubled_frame: frame of one of its calls with two responses: the client may have got either; nil for none
 --   hasty: true if its Read came before its Write response, although its client usually waits
 --   cut_frame: frame that the capture cut off before the request, or the outcome of a call, is known
---   written_again: frame of an accepted Write with the same request, sent while this one had no response
+--   rewritten_frame: frame of an accepted Write with the same request, sent while this one had no response
 --   crossed: {first, last}, frames of two Writes, including this one, with responses in reverse order (P27)
 --   missing: what the capture lacks, so that nobody knows the outcome: {what, first, last, numbers}
 --     (completeness.lua, P73)
@@ -148,12 +149,12 @@ local function is_headless(half) return half.cut and (half.status or 0) == 0 and
 -- The newest unanswered Write, if a Read may be for it: no later one was accepted. nil for none.
 local function waiting_of(channel)
   local newest = channel.asked[#channel.asked]
-  return newest and not newest.passed and newest.order > channel.accepted and newest or nil
+  return newest and not newest.passed_over and newest.order > channel.accepted and newest or nil
 end
 
 -- No request is open: a Read no longer counts as the answer to a Write that waits for its response.
 local function pass_over(channel)
-  for _, job in ipairs(channel.asked) do job.passed = true end
+  for _, job in ipairs(channel.asked) do job.passed_over = true end
 end
 
 -- The bytes that were read last; nil without a job or a response.
@@ -314,9 +315,11 @@ end
 -- Which call of a job, or which half of one, may be missing; PROFIBUS has no calls.
 local function lacks_calls(self, job, asked, lost)
   if job.peer.station then return behind(self, job.peer, asked.frame) end
-  if job.written_again then return {what = "written_again", first = asked.frame, last = job.written_again} end
+  if job.rewritten_frame then
+    return {what = "written_again", first = asked.frame, last = job.rewritten_frame}
+  end
   if job.crossed then return {what = "crossed", first = job.crossed.first, last = job.crossed.last} end
-  if job.twice then return {what = "twice", first = job.twice} end
+  if job.doubled_frame then return {what = "twice", first = job.doubled_frame} end
   if job.cut_frame then return {what = "cut_off", first = job.cut_frame} end
   if job.fetching and not job.limit then return {what = "read_answer", first = job.fetching[1].frame} end
   local found = behind(self, job.peer, asked.frame, lost)
@@ -533,7 +536,7 @@ local function written_again(channel, job)
   local by = job:write_request()
   for _, each in ipairs(channel.asked) do
     if by and each.order < job.order and each:write_request().data == by.data then
-      each.written_again = by.frame
+      each.rewritten_frame = by.frame
     end
   end
 end
@@ -580,7 +583,7 @@ local function rival_of(self, channel, job)
     return nil
   end
   local fetched = found.fetching and found.fetching[1].frame < came.frame
-  local sure = found:write_told() and not (fetched or found.twice)
+  local sure = found:write_told() and not (fetched or found.doubled_frame)
   return (sure or asked.frame > came.frame) and found or nil
 end
 
@@ -603,7 +606,7 @@ local function newer_than(open, channel, reference)
   local asked, newer, mirrored = channel.asked, {}, open:reference() == reference
   for place = #asked, 1, -1 do
     local job = asked[place]
-    if job.order > open.order and not job.passed and (job:reference() == reference) == mirrored then
+    if job.order > open.order and not job.passed_over and (job:reference() == reference) == mirrored then
       newer[#newer + 1] = job
     end
   end
@@ -658,7 +661,7 @@ local function addressee(channel, event, record)
     local mirrored
     for place = #asked, 1, -1 do -- the newest one with the kind of the record, if there are several
       local job = asked[place]
-      if job:reference() == reference and not (job.passed or is_later(job, record))
+      if job:reference() == reference and not (job.passed_over or is_later(job, record))
         and may_be(channel, job, half) then
         if mirrors(job, data) then return job end
         mirrored = mirrored or job
@@ -802,7 +805,7 @@ local function reread(self, channel, job, record)
     job.between = waiting_of(channel)
     local written = math.max(channel.written_frame or 0, channel.unasked_frame)
     local unaccepted = written > job.read_response.frame and "again_unaccepted"
-    job.again = record.implicit and "again_without_ar" or unaccepted or "again"
+    job.reread_cause = record.implicit and "again_without_ar" or unaccepted or "again"
   end
   keep(job, "rereads", {request = record.request, response = record.response})
   touch(self, job, "reread", record.response)
@@ -842,7 +845,7 @@ function Pairing:write_response(job, response, fault)
   local asked = job.record.request
   if job.fetching or job.read_request or job.polls[1] then job.hasty = waits(self, job.peer) end
   if job.hasty and (fault or response and response.status ~= 0) then
-    job.twice = asked and asked.frame
+    job.doubled_frame = asked and asked.frame
     return -- the client got another response before, and the device has executed the call twice
   end
   job.write_response = response
@@ -903,7 +906,7 @@ local function may_be_newer(channel, job, record)
   local strange = data == "" or kind_fits(job.message, data) == false
   strange = strange or job:reference() ~= data:byte(1) and is_last(channel, half)
   for _, each in ipairs(channel.asked) do
-    local passed = each.passed or is_later(each, record)
+    local passed = each.passed_over or is_later(each, record)
     if each.order > job.order and not passed and (strange or mirrors(each, data)) then return true end
   end
   return false

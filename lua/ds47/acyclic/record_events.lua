@@ -82,7 +82,7 @@ local function event_read_asked_late(self, _, record, answer, peer)
 end
 
 local function event_answered_twice(_, _, record)
-  if record.job then record.job.twice = record.request.frame end
+  if record.job then record.job.doubled_frame = record.request.frame end
 end
 
 -- A Read is over, whichever job gets its response.

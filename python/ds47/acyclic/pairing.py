@@ -78,7 +78,7 @@ class Job:
     """Whether the response cannot belong to the request. The judge sets it,"""
     usual: bool
     """and this: a complete response that succeeded, and no finding about it."""
-    known: bool
+    shows_nothing_new: bool
     """Whether it shows nothing new apart from its values."""
     previous_reference: int | None
     previous: int | None
@@ -98,7 +98,7 @@ class Job:
     """A newer Write that was refused before the first Read: the Read may be for that one."""
     repeats: int | None
     """Frame of an earlier response that came again instead of a new one."""
-    again: str
+    reread_cause: str
     """What led to the first re-read: a key of diagnoses.toml."""
     between: Job | None
     """The unanswered Write before the first re-read: the re-read may be for that Write."""
@@ -108,13 +108,13 @@ class Job:
     """Its Reads that have no response yet."""
     read_before: bool
     """Whether a missing or incomplete Read may have fetched the response earlier."""
-    twice: int
+    doubled_frame: int
     """Frame of one of its calls with two responses: the client may have got either. 0 for none."""
     hasty: bool
     """Whether its Read came before its Write response, although its client usually waits for each response."""
     cut_frame: int
     """Frame that the capture cut off before the request, or the outcome of a call, is known; 0 for none."""
-    written_again: int
+    rewritten_frame: int
     """Frame of an accepted Write with the same request, sent while this one had no response; 0 for none."""
     crossed: tuple[int, int] | None
     """Frames of two Writes, including this one, with their responses in reverse order (P27)."""
@@ -122,7 +122,7 @@ class Job:
     """What the capture lacks, so that nobody knows the outcome."""
     limit: str
     """Name of the limit that pushed it out (spec/limits.toml): a response may still come. "" for none."""
-    passed: bool
+    passed_over: bool
     """Whether it turned out, while this Write waited for its response, that no request is open (P28)."""
     contested: bool
     """Whether a record that went to an older request may be the response to this one (P72)."""
@@ -165,7 +165,7 @@ class Job:
         self.rereads = [] if rereads is None else rereads
         self.empty_reads = [] if empty_reads is None else empty_reads
         self.response = response
-        self.stray = self.usual = self.known = False
+        self.stray = self.usual = self.shows_nothing_new = False
         self.previous_reference = previous_reference
         self.previous = previous
         self.uncounted = False
@@ -176,16 +176,16 @@ class Job:
         self.rival = self.refused_behind = None
         self.alone = self.hasty = False
         self.repeats = None
-        self.again = ""
+        self.reread_cause = ""
         self.between = None
         self.ended = None
         self.fetching = []
         self.read_before = False
-        self.twice = self.cut_frame = self.written_again = 0
+        self.doubled_frame = self.cut_frame = self.rewritten_frame = 0
         self.crossed = None
         self.missing = None
         self.limit = ""
-        self.passed = False
+        self.passed_over = False
         self.contested = False
         self.over, self.certain = False, True
         self.meanings = ()
@@ -271,12 +271,12 @@ class Channel(Plain):
     def pass_over(self) -> None:
         """No request is open: a Read no longer counts as the answer to a Write that waits for its response."""
         for job in self.asked:
-            job.passed = True
+            job.passed_over = True
 
     def waiting(self) -> Job | None:
         """The newest unanswered Write, if a Read may be for it: no later one was accepted."""
         newest = self.asked[-1] if self.asked else None
-        if newest is None or newest.passed:
+        if newest is None or newest.passed_over:
             return None
         return newest if newest.order > self.accepted else None
 
@@ -384,7 +384,7 @@ class Pairing:
         if job.polls or job.fetching or job.read_request:
             job.hasty = self._waits(job.peer)
         if job.hasty and (fault or (response is not None and response.status)):
-            job.twice = job.write_request.frame if job.write_request else 0
+            job.doubled_frame = job.write_request.frame if job.write_request else 0
             return  # the client got another response before, and the device has executed the call twice
         status = response.status if response else None
         job.write_response, job.write_refused = response, fault or bool(status)
@@ -550,12 +550,12 @@ class Pairing:
         """Which call of a job, or which half of one, may be missing. PROFIBUS has no calls."""
         if job.peer.station is not None:
             return self._behind(job.peer, asked.frame)
-        if job.written_again:
-            return Missing("written_again", asked.frame, job.written_again)
+        if job.rewritten_frame:
+            return Missing("written_again", asked.frame, job.rewritten_frame)
         if job.crossed:
             return Missing("crossed", *job.crossed)
-        if job.twice:
-            return Missing("twice", job.twice)
+        if job.doubled_frame:
+            return Missing("twice", job.doubled_frame)
         if job.cut_frame:
             return Missing("cut_off", job.cut_frame)
         if job.fetching and not job.limit:
@@ -732,9 +732,9 @@ class Pairing:
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
             written = max(channel.written_frame or 0, channel.unasked_frame)
-            job.again = "again_unaccepted" if written > read else "again"
+            job.reread_cause = "again_unaccepted" if written > read else "again"
             if record.implicit:
-                job.again = "again_without_ar"
+                job.reread_cause = "again_without_ar"
         self._keep(job.rereads, (record.request, record.response))
 
     def read_request(self, record: Record) -> None:
@@ -952,7 +952,7 @@ class Pairing:
         if any(self._behind(peer, asked.frame) is not None for peer in (found.peer, job.peer)):
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
-        sure = found.write_told and not (fetched or found.twice)
+        sure = found.write_told and not (fetched or found.doubled_frame)
         return found if sure or asked.frame > came.frame else None
 
     def _refuse(self, channel: Channel, job: Job) -> None:
@@ -983,7 +983,7 @@ class Pairing:
             mirrored = [
                 job for job in reversed(channel.asked)
                 if job.reference == reference
-                and not (job.passed or _is_later(job, record))
+                and not (job.passed_over or _is_later(job, record))
                 and _may_be(channel, job, record.response)
             ]  # fmt: skip
             half = record.response
@@ -1159,7 +1159,7 @@ def _written_again(channel: Channel, job: Job) -> None:
     for each in channel.asked:
         before = each.write_request
         if each.order < job.order and before and by and before.data == by.data:
-            each.written_again = by.frame
+            each.rewritten_frame = by.frame
 
 
 def _cross(channel: Channel, job: Job) -> bool:
@@ -1222,7 +1222,7 @@ def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
         return opened  # the last answer again
     newer = [
         job for job in reversed(channel.asked)
-        if job.order > opened.order and not job.passed and (job.reference == half.data[0]) is mirrored
+        if job.order > opened.order and not job.passed_over and (job.reference == half.data[0]) is mirrored
     ]  # fmt: skip
     of_opened = _is_of_kind(opened, half)
     for job in newer if of_opened is False else ():
@@ -1297,7 +1297,7 @@ def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
     strange = strange or (job.reference != half.data[0] and _is_last(channel, half))
     return any(
         each.order > job.order
-        and not (each.passed or _is_later(each, record))
+        and not (each.passed_over or _is_later(each, record))
         and (strange or _mirrors(each, half))
         for each in channel.asked
     )

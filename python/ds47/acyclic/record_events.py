@@ -235,4 +235,4 @@ class RecordEvents:
 def _answered_twice(record: Record, _: object) -> None:
     asked = record.request
     if record.job is not None and asked is not None:
-        record.job.twice = asked.frame
+        record.job.doubled_frame = asked.frame
