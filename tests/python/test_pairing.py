@@ -54,7 +54,7 @@ class Channel:
         return Half(self.now, self.now, data, len(data), status=status)
 
     def record(self, write: bool, ar: UUID = CONTROLLER_AR, slot: int = 1) -> Record:
-        return Record(write, False, ar.bytes, 0, slot, 1, 47, 0, peer=PEER, ours=True)
+        return Record(write, False, ar.bytes, 0, slot, 1, 47, 0, peer=PEER, may_be_ours=True)
 
     def ask(self, reference: int = 1, slot: int = 1) -> Job:
         data = message.read(reference, 1, message.address(21))
@@ -152,7 +152,7 @@ def test_of_a_station_is_missing_what_its_line_shows(lost: int, what: str) -> No
     data = message.read(1, 1, message.address(21))
     half = Half(1, 1, data, len(data))
     peer = Peer("dp1", "dp3", station=3)
-    record = Record(True, False, bytes(16), -1, 1, 0, 47, 0, half, None, peer, ours=True)
+    record = Record(True, False, bytes(16), -1, 1, 0, 47, 0, half, None, peer, may_be_ours=True)
     job = pairing.write_request(record, request(data))
     pairing.finish()
     assert job.missing is not None

@@ -70,7 +70,7 @@ class Ms1Calls:
     def _whose(self, call: ServiceCall) -> Record:
         """The record of a call, now with its peer."""
         who = peer(call.master, call.station, self._idents.family(call.station))
-        call.record = call.record.of(who, ours=call.record.index in self._events.concerned)
+        call.record = call.record.of(who, may_be_ours=call.record.index in self._events.concerned)
         return call.record
 
     def _asked(self, call: ServiceCall) -> None:
@@ -78,7 +78,7 @@ class Ms1Calls:
         if record.write:
             self._writing(record)
         self._events.requests[record.index, record.write] += 1
-        if record.ours:
+        if record.may_be_ours:
             self._open[call] = record
             self._events.asked(record, None)
 
@@ -129,7 +129,7 @@ class Ms1Calls:
         record = self._whose(call)
         if call.record.write:
             self._outcomes.append(("foreign", record, None))
-        if record.ours:
+        if record.may_be_ours:
             self._events.unasked(record, None)
 
 

@@ -115,7 +115,7 @@ class RecordCalls:
             call: the call that it answers, if known.
         """
         pdu, have, limit = given_up
-        asked = next((each for each in call.context if each.ours), None) if call else None
+        asked = next((each for each in call.context if each.may_be_ours), None) if call else None
         record = self._first_record(pdu) or asked
         if record is None:
             return
@@ -137,7 +137,7 @@ class RecordCalls:
             records = parse_request(pdu, peer, self._concerned)[0]
         else:
             records = parse_response(pdu, peer, self._concerned)[1]
-        return records[0] if records and records[0].ours else None
+        return records[0] if records and records[0].may_be_ours else None
 
     # Requests
 
@@ -157,7 +157,7 @@ class RecordCalls:
             events.requests[record.index, record.write] += 1
             if self._pairing.replaced:
                 self._pairing.goes_on(*record.relation)
-            if record.ours:
+            if record.may_be_ours:
                 events.asked(record, pdu.cut)
 
     def _several(self, pdu: rpc.Pdu, records: list[Record], multiple: bool) -> None:
@@ -179,7 +179,7 @@ class RecordCalls:
         peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
         answers = parse_response(answer, peer, self._concerned)[1]
         for record in answers:
-            if record.ours:
+            if record.may_be_ours:
                 self._events.not_unasked(record)
         if pdu.opnum not in (RPC_READ, RPC_READ_IMPLICIT) or not answers:
             self._asked(call, pdu)
@@ -187,7 +187,7 @@ class RecordCalls:
             return
         for record in parse_request(pdu, peer, self._concerned)[0]:
             self._events.requests[record.index, False] += 1
-            if record.ours:
+            if record.may_be_ours:
                 self._events.asked_late(record, answer.frame)
 
     def _again(self, call: RpcCall, pdu: rpc.Pdu) -> None:
@@ -196,7 +196,7 @@ class RecordCalls:
         self._about_call(call, Remark("DS103", pdu.frame, args))
 
     def _lost(self, call: RpcCall, _: None) -> None:
-        pdu, first = call.request, next((each for each in call.context if each.ours), None)
+        pdu, first = call.request, next((each for each in call.context if each.may_be_ours), None)
         if pdu is not None and first is not None:
             if call.limit:
                 self._forgot_requests = True
@@ -205,7 +205,7 @@ class RecordCalls:
                 args = {"operation": OPERATIONS[call.opnum]}
                 self._events.pass_on(first, "about", Remark("DS101", pdu.frame, args))
         for record in call.context:
-            if record.ours and not record.write:
+            if record.may_be_ours and not record.write:
                 self._events.pass_on(record, "read_lost")
 
     def _wait(self, pdu: rpc.Pdu) -> None:
@@ -253,13 +253,13 @@ class RecordCalls:
             return
         status, answers = parse_answers(pdu)
         for number, record in enumerate(call.context):
-            ours = record.ours
-            if not ours and not record.write:
+            may_be_ours = record.may_be_ours
+            if not may_be_ours and not record.write:
                 continue
             there = number < len(answers)
             half = answers[number][0] if there else without_block(pdu, status, write=record.write)
             record.response = half
-            if not ours:
+            if not may_be_ours:
                 self._outcomes.append(("foreign", record, None))
                 continue
             self._newest = pdu.frame
@@ -278,7 +278,7 @@ class RecordCalls:
         if not records:
             self._completeness.cut(pdu)
         for record in records:
-            if not record.ours:
+            if not record.may_be_ours:
                 continue
             self._newest = pdu.frame
             if certain and not self._forgot_requests:
@@ -305,7 +305,7 @@ class RecordCalls:
             RPC_READ_IMPLICIT,
         )  # what that brought the device may have given away
         for record in call.context if call.again or reads else ():
-            if record.ours:
+            if record.may_be_ours:
                 self._events.pass_on(record, "answered_twice")
 
     def _failed(self, call: RpcCall, pdu: rpc.Pdu) -> None:
@@ -316,7 +316,7 @@ class RecordCalls:
             self._goes_on(pdu)
             return
         for record in call.context:
-            if record.ours:
+            if record.may_be_ours:
                 what = "write_failed" if record.write else "read_over"
                 self._events.pass_on(record, what, Half(pdu.frame, pdu.time_ns))
 
@@ -325,7 +325,7 @@ class RecordCalls:
     def _about_call(self, call: RpcCall, remark: Remark) -> None:
         """A finding about an RPC call: once, and with the first job that it carries."""
         for record in call.context:
-            if record.ours:
+            if record.may_be_ours:
                 self._events.pass_on(record, "about", remark)
                 return
 
