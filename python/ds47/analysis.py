@@ -300,7 +300,7 @@ class Analysis:
         self._process()
         self._s7.finish()
         for what, call, message in self._calls.finish():
-            self._records.takes[what](call, message)
+            self._records.handlers[what](call, message)
         self._process()
         if self._lines is not None:
             self._lines.finish()
@@ -353,7 +353,7 @@ class Analysis:
         return [each.result() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
-        note, other, happens = self._times.note, self._other, self._records.takes
+        note, other, handlers = self._times.note, self._other, self._records.handlers
         for frame in frames:
             on_bus = frame.link_type in LINK_TYPES
             self._untimed = on_bus and not frames.timed
@@ -367,7 +367,7 @@ class Analysis:
                 if pdu.cut is not None and pdu.opnum in OPERATIONS:
                     self._diagnoses.cut(pdu.cut)
                 for what, call, message in self._calls.take(pdu):
-                    happens[what](call, message)
+                    handlers[what](call, message)
             if self._outcomes:
                 self._process()
 

@@ -429,7 +429,7 @@ def feed(run: Analysis, packet: Packet) -> None:
     """What an analysis does with a packet."""
     pdu = run._brought(packet)
     for what, call, said in () if pdu is None else run._calls.take(pdu):
-        run._records.takes[what](call, said)
+        run._records.handlers[what](call, said)
     run._process()
 
 
@@ -560,7 +560,7 @@ def test_a_transport_finding_holds_no_finished_transaction():
     assert not any(remark.job for remark in run._findings._remarks)
     assert not any(job.over for job in run._remarks)
     for what, call, said in run._calls.finish():
-        run._records.takes[what](call, said)
+        run._records.handlers[what](call, said)
     run._process()
     run._pairing.finish()
     run._process()

@@ -272,7 +272,7 @@ class Run:
         told = self.calls.finish()
         for each in (*self.given_up, *told):
             if each[0] == "incomplete":
-                self.records.takes[each[0]](*each[1:])
+                self.records.handlers[each[0]](*each[1:])
         for packet, have, limit in [
             *source.given_up(),
             *((*each, "") for each in source.unfinished()),
@@ -321,7 +321,7 @@ class Run:
             if became[0] == "incomplete":
                 self.given_up.append(became)
             else:
-                self.records.takes[became[0]](*became[1:])
+                self.records.handlers[became[0]](*became[1:])
 
 
 class Messages(CallTracker):

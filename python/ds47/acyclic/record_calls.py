@@ -85,7 +85,7 @@ class RecordCalls:
         """Frame -> DS102, for the newest responses without a request."""
         self._connections: dict[tuple[str, str], rpc.Pdu] = {}
         """Client and server -> the request that begins or ends an AR, until its response or their next request."""
-        self.takes: dict[What, Callable[[Any, Any], None]] = {
+        self.handlers: dict[What, Callable[[Any, Any], None]] = {
             "asked": self._asked, "answered": self._answered, "failed": self._failed,
             "again": self._again, "late": self._late, "twice": self._twice,
             "unasked": lambda _, pdu: self._unasked(pdu, certain=True),
