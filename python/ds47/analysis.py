@@ -383,7 +383,7 @@ class Analysis:
             self._given_up(*each)
         for first in self._packets.begun():
             if (begun := parse(first)) is not None:
-                self._calls.begun(begun)
+                self._calls.take_fragment(begun)
         return None if packet is None else self._brought(packet)
 
     def _brought(self, packet: Packet) -> Pdu | None:

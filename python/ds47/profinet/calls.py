@@ -211,10 +211,10 @@ class CallTracker:
             told += [("incomplete", self.open_call(each.pdu), each) for each in fragments.given_up]
             fragments.given_up = []
         if whole is None:
-            self.begun(pdu)
+            self.take_fragment(pdu)
         return whole
 
-    def begun(self, pdu: Pdu) -> None:
+    def take_fragment(self, pdu: Pdu) -> None:
         """Takes a fragment that completes no message: its request or response is not entirely missing."""
         if pdu.ptype == 0:
             begun = self._begun
@@ -278,9 +278,9 @@ class CallTracker:
         if early is None:
             told.append(("asked", call, pdu))
         else:
-            self._behind(early, activity, call, pdu, told)
+            self._request_after_response(early, activity, call, pdu, told)
 
-    def _behind(
+    def _request_after_response(
         self, early: Pdu, activity: Activity, call: RpcCall, pdu: Pdu, told: list[Became]
     ) -> None:
         """A request comes after a response with its number: both may be one call."""
