@@ -253,12 +253,12 @@ end
 -- What is not in the capture (P73)
 
 -- What may be missing of the controller's calls after a frame.
-local function behind(self, peer, frame, lost, in_order)
+local function missing_after(self, peer, frame, lost, in_order)
   if not self.completeness then return nil end
   if peer.station then
     return self.completeness.lost_on_line(peer.station) > frame and {what = "line"} or nil
   end
-  return self.completeness:behind(peer.controller, peer.device, frame, lost, in_order)
+  return self.completeness:missing_after(peer.controller, peer.device, frame, lost, in_order)
 end
 
 -- Whether the client usually waits, so that a response after its next call is a second copy.
@@ -268,12 +268,12 @@ local function waits(self, peer)
 end
 
 --- Whether a call of a controller to a device may be missing after a frame.
-function Pairing:may_lack(peer, frame) return behind(self, peer, frame) ~= nil end
+function Pairing:may_lack(peer, frame) return missing_after(self, peer, frame) ~= nil end
 
 -- What may be missing of the requests on a channel after a frame; 0: from before the capture.
-local function asked_behind(self, peer, channel, since, in_order)
+local function requests_missing_after(self, peer, channel, since, in_order)
   if channel.unseen_frame > since then return {what = "requests"} end
-  return since == 0 and {what = "begins"} or behind(self, peer, since, nil, in_order)
+  return since == 0 and {what = "begins"} or missing_after(self, peer, since, nil, in_order)
 end
 
 -- The newest frame before a Read at which nothing was open on a channel; 0 if none is known. The newest
@@ -287,7 +287,7 @@ end
 -- A program goes on reading after a Connect what it asked for before.
 local function may_be_open(self, peer, channel, half)
   local since = channel.ended_frame > 0 and channel.ended_frame or free_since(self, channel, half)
-  local missing = asked_behind(self, peer, channel, since)
+  local missing = requests_missing_after(self, peer, channel, since)
   for key in self.of_place[channel.place]:newest_first(self.limits.users) do
     local unseen = self.channels:get(key).unseen_frame > channel.ended_frame -- whoever asked there
     missing = missing or unseen and {what = "requests"} or nil
@@ -314,7 +314,7 @@ end
 
 -- Which call of a job, or which half of one, may be missing; PROFIBUS has no calls.
 local function lacks_calls(self, job, asked, lost)
-  if job.peer.station then return behind(self, job.peer, asked.frame) end
+  if job.peer.station then return missing_after(self, job.peer, asked.frame) end
   if job.rewritten_frame then
     return {what = "written_again", first = asked.frame, last = job.rewritten_frame}
   end
@@ -322,7 +322,7 @@ local function lacks_calls(self, job, asked, lost)
   if job.doubled_frame then return {what = "twice", first = job.doubled_frame} end
   if job.cut_frame then return {what = "cut_off", first = job.cut_frame} end
   if job.fetching and not job.limit then return {what = "read_answer", first = job.fetching[1].frame} end
-  local found = behind(self, job.peer, asked.frame, lost)
+  local found = missing_after(self, job.peer, asked.frame, lost)
   if found == nil and not (job:write_told() or job.limit) then return unanswered(job, asked) end
   return found
 end
@@ -579,7 +579,7 @@ local function rival_of(self, channel, job)
   local asked = found and found:write_request()
   if asked == nil then
     return nil, channel.ended_frame < came.frame and may_be_open(self, job.peer, channel, came) == nil
-  elseif behind(self, found.peer, asked.frame) or behind(self, job.peer, asked.frame) then
+  elseif missing_after(self, found.peer, asked.frame) or missing_after(self, job.peer, asked.frame) then
     return nil
   end
   local fetched = found.fetching and found.fetching[1].frame < came.frame
@@ -684,7 +684,7 @@ end
 -- missing call may also be a repetition of the request: then that one waited.
 local function may_be_read(self, job)
   local asked = (job.polls[1] or job.fetching) and job:write_request()
-  return asked and (job.fetching or behind(self, job.peer, asked.frame)) ~= nil or nil
+  return asked and (job.fetching or missing_after(self, job.peer, asked.frame)) ~= nil or nil
 end
 
 -- A Read ends a job: it brings the record, or it is refused.
@@ -719,7 +719,7 @@ end
 -- questions may have the same answer.
 local function compare(self, last, job, half)
   local read = last and last.read_response
-  if read and is_same(read, half) and behind(self, job.peer, read.frame) == nil then
+  if read and is_same(read, half) and missing_after(self, job.peer, read.frame) == nil then
     job.repeats = read.frame
   end
 end
@@ -822,7 +822,7 @@ end
 --- Takes a Write request. Returns its job, for `write_response`.
 function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
-  local missing = channel.written_frame and behind(self, peer, channel.written_frame)
+  local missing = channel.written_frame and missing_after(self, peer, channel.written_frame)
   local known = not missing or missing.what == "one_direction" -- the request before it
   local reference = known and channel.reference or nil
   local job = new_job(self, channel, peer, record, message, reference, channel.written_frame)
@@ -945,8 +945,8 @@ local function of_another(self, channel, job, record)
       local due = not has_data and begun and begun.frame < (record.request or half).frame
       since = due and math.max(channel.ended_frame, begun.frame) or channel.ended_frame
     end
-    local found = asked_behind(self, job.peer, channel, since)
-    if refused and not fits and has_data then found = found or behind(self, job.peer, 0) end
+    local found = requests_missing_after(self, job.peer, channel, since)
+    if refused and not fits and has_data then found = found or missing_after(self, job.peer, 0) end
     return not (fits and kind_fits(job.message, data) and counts(job, record)) and found or nil
   end
   local rival = job.refused_behind and mirrors(job.refused_behind, data)
@@ -966,12 +966,12 @@ local function of_another(self, channel, job, record)
   local unknown = not (job:write_told() or has_data) -- nobody knows whether its Write was accepted
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
   local since = over and free_since(self, channel, sought) or asked.frame
-  local found = asked_behind(self, job.peer, channel, since, fits)
+  local found = requests_missing_after(self, job.peer, channel, since, fits)
   if found == nil and job == channel.refused and has_data and not fits then
-    found = behind(self, job.peer, 0) -- it may mirror a request before a Connect
+    found = missing_after(self, job.peer, 0) -- it may mirror a request before a Connect
   end
   if unknown and found then
-    return asked_behind(self, job.peer, channel, asked.frame, fits) or unanswered(job, asked)
+    return requests_missing_after(self, job.peer, channel, asked.frame, fits) or unanswered(job, asked)
   elseif found == nil or not has_data or channel.unseen_frame > since then
     return found
   end
@@ -1036,8 +1036,9 @@ function Pairing:read_response(peer, record)
     return nil
   end
   local last = last_response(self, channel, record)
+  local first = last and (not record.implicit and last.read_request or last.read_response)
   local again = last and is_same(last.read_response, half) and missing == nil
-    and behind(self, peer, (not record.implicit and last.read_request or last.read_response).frame) == nil
+    and missing_after(self, peer, first.frame) == nil
   if again and last.phase ~= "closed" then
     reread(self, channel, last, record)
     return last

@@ -325,8 +325,8 @@ class Pairing:
     ) -> None:
         self._limits = limits
         self._completeness = completeness
-        self._behind: Callable[..., Missing | None] = (
-            completeness.behind if completeness is not None else lambda *_, **__: None
+        self._missing_after: Callable[..., Missing | None] = (
+            completeness.missing_after if completeness is not None else lambda *_, **__: None
         )
         self._outcomes = outcomes
         self._table = phases()
@@ -364,7 +364,7 @@ class Pairing:
         if asked.cut and message.request_id is None:
             job.cut_frame = asked.frame
         before = job.previous = channel.written_frame
-        missing = None if before is None else self._behind(record.peer, before)
+        missing = None if before is None else self._missing_after(record.peer, before)
         if missing is None or missing.what == "one_direction":
             job.previous_reference = channel.reference
         if before is None:
@@ -497,7 +497,7 @@ class Pairing:
             return None
         asked = None if record.implicit else read.read_request
         since = (asked or first).frame  # frames may be out of order
-        return first if self._behind(record.peer, since) is None else None
+        return first if self._missing_after(record.peer, since) is None else None
 
     def read_cut_before_status(self, record: Record) -> None:
         """The answer to a Read, cut off by the capture before its record: it counts as missing (P73)."""
@@ -531,7 +531,7 @@ class Pairing:
 
     def may_lack(self, peer: Peer, frame: int) -> bool:
         """Whether a call of a controller to a device may be missing after a frame."""
-        return self._behind(peer, frame) is not None
+        return self._missing_after(peer, frame) is not None
 
     def _lacks(self, job: Job, reason: str) -> Missing | None:
         """What the capture lacks, so that nobody knows whether the response of a job came."""
@@ -549,7 +549,7 @@ class Pairing:
     def _lacks_calls(self, job: Job, asked: Half) -> Missing | None:
         """Which call of a job, or which half of one, may be missing. PROFIBUS has no calls."""
         if job.peer.station is not None:
-            return self._behind(job.peer, asked.frame)
+            return self._missing_after(job.peer, asked.frame)
         if job.rewritten_frame:
             return Missing("written_again", asked.frame, job.rewritten_frame)
         if job.crossed:
@@ -560,7 +560,7 @@ class Pairing:
             return Missing("cut_off", job.cut_frame)
         if job.fetching and not job.limit:
             return Missing("read_answer", job.fetching[0].frame)
-        found = self._behind(job.peer, asked.frame)
+        found = self._missing_after(job.peer, asked.frame)
         if found is None and not job.limit and not job.write_told:
             return _unanswered(job, asked)
         return found
@@ -604,12 +604,12 @@ class Pairing:
         since = asked.frame
         if (unknown or job is channel.refused) and half.status != STATUS_SHORT:
             since = self._free_since(job.key, channel, record.request or half)
-        found = self._asked_behind(job.peer, channel, since, ordered=fits)
+        found = self._requests_missing_after(job.peer, channel, since, ordered=fits)
         if found is None and job is channel.refused and half.data and not fits:
-            found = self._behind(job.peer, 0)  # it may mirror a request before a Connect
+            found = self._missing_after(job.peer, 0)  # it may mirror a request before a Connect
         if unknown and found is not None:  # at least its own Write response is missing
-            behind = self._asked_behind(job.peer, channel, asked.frame, ordered=fits)
-            return behind or _unanswered(job, asked)
+            lacks = self._requests_missing_after(job.peer, channel, asked.frame, ordered=fits)
+            return lacks or _unanswered(job, asked)
         if found is None or not half.data or channel.unseen_frame > since:
             return found
         # A record that is too short for its kind is not sure.
@@ -630,9 +630,9 @@ class Pairing:
             since = channel.ended_frame
             if not half.data and since < begun < sought.frame:
                 since = begun
-        found = self._asked_behind(job.peer, channel, since)
+        found = self._requests_missing_after(job.peer, channel, since)
         if found is None and refused and half.data and not fits:
-            found = self._behind(job.peer, 0)
+            found = self._missing_after(job.peer, 0)
         sure = fits and _is_of_kind(job, half) is True
         return None if sure and _counts(job, record) else found
 
@@ -656,13 +656,13 @@ class Pairing:
         connect = self._connects.get(key[:3], _NEVER)
         return max(channel.ended_frame, connect.frame if connect.frame < read.frame else 0)
 
-    def _asked_behind(
+    def _requests_missing_after(
         self, peer: Peer, channel: Channel, since: int, *, ordered: bool = False
     ) -> Missing | None:
         """What may be missing of the requests on a channel after a frame; 0: from before the capture."""
         if channel.unseen_frame > since:
             return Missing("requests")
-        return self._behind(peer, since, ordered=ordered) if since else Missing("begins")
+        return self._missing_after(peer, since, ordered=ordered) if since else Missing("begins")
 
     def _nothing(self, record: Record, channel: Channel, missing: Missing | None) -> None:
         """A Read that brought nothing, while no request is known to be open."""
@@ -689,7 +689,7 @@ class Pairing:
         A program goes on reading after a Connect what it asked for before.
         """
         since = channel.ended_frame or self._free_since(key, channel, half)
-        missing = self._asked_behind(peer, channel, since)
+        missing = self._requests_missing_after(peer, channel, since)
         if missing is None and self._newest_unseen(key) > channel.ended_frame:
             return Missing("requests")
         return missing
@@ -949,7 +949,9 @@ class Pairing:
         asked, came = found.write_request, job.write_request
         if not (asked and came):
             return None
-        if any(self._behind(peer, asked.frame) is not None for peer in (found.peer, job.peer)):
+        if any(
+            self._missing_after(peer, asked.frame) is not None for peer in (found.peer, job.peer)
+        ):
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
         sure = found.write_told and not (fetched or found.doubled_frame)
@@ -1067,7 +1069,7 @@ class Pairing:
         asked = job.write_request
         if asked is None:
             return False
-        return bool(job.fetching) or self._behind(job.peer, asked.frame) is not None
+        return bool(job.fetching) or self._missing_after(job.peer, asked.frame) is not None
 
     def _compare(self, last: Job | None, job: Job, half: Half) -> None:
         """Whether the answer to a refused request repeats the last one.
@@ -1076,7 +1078,7 @@ class Pairing:
         """
         if last is None or last.read_response is None or not _is_same(last.read_response, half):
             return
-        if self._behind(job.peer, last.read_response.frame) is None:
+        if self._missing_after(job.peer, last.read_response.frame) is None:
             job.repeats = last.read_response.frame
 
     def _keep(self, reads: list[_T], read: _T) -> None:
