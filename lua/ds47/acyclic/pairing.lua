@@ -278,7 +278,7 @@ end
 
 -- The newest frame before a Read at which nothing was open on a channel; 0 if none is known. The newest
 -- Connect may be after the Read, if the AR proves itself late. It does not count then.
-local function free_since(self, channel, read)
+local function idle_since(self, channel, read)
   local connect = self.connects:get(channel.ar_key)
   return math.max(channel.ended_frame, connect and connect.frame < read.frame and connect.frame or 0)
 end
@@ -286,7 +286,7 @@ end
 -- Which missing request may be open on a channel, if the capture shows none (P78).
 -- A program goes on reading after a Connect what it asked for before.
 local function may_be_open(self, peer, channel, half)
-  local since = channel.ended_frame > 0 and channel.ended_frame or free_since(self, channel, half)
+  local since = channel.ended_frame > 0 and channel.ended_frame or idle_since(self, channel, half)
   local missing = requests_missing_after(self, peer, channel, since)
   for key in self.of_place[channel.place]:newest_first(self.limits.users) do
     local unseen = self.channels:get(key).unseen_frame > channel.ended_frame -- whoever asked there
@@ -355,7 +355,7 @@ local function refused_at_last(self, job, lost)
 end
 
 -- `at` is what ended its connection, {frame, time_ns}; nil where nothing is known of that.
-local function lose(self, job, reason, at)
+local function close(self, job, reason, at)
   if at then job.ended = at.frame end
   if not job.missing then refused_at_last(self, job) end
   if reason ~= "" then job.reason = reason end
@@ -369,14 +369,14 @@ end
 -- Closes the last answered job: a missing one came after it, or the next record may be for either.
 local function forget_last(self, channel)
   if channel.last then
-    lose(self, channel.last, "")
+    close(self, channel.last, "")
     channel.last = nil
   end
 end
 
 -- The Read was not for the refused Write: no later Read is either.
 local function leave_refused(self, channel)
-  lose(self, channel.refused, "")
+  close(self, channel.refused, "")
   channel.refused = nil
 end
 
@@ -385,7 +385,7 @@ local function push_out(self, job, limit)
   if job.read_response == nil and not job.write_refused then
     job.limit, self.forgot_requests = limit, true
   end
-  lose(self, job, "")
+  close(self, job, "")
 end
 
 -- Indices of channels: a name -> the keys of its channels, in the order of first sight.
@@ -442,7 +442,7 @@ local function close_channel(self, channel, reason, at, limit)
     if limit then
       push_out(self, job, limit)
     else
-      lose(self, job, job == channel.open and may_be_displaced(channel) and "later" or reason, at)
+      close(self, job, job == channel.open and may_be_displaced(channel) and "later" or reason, at)
     end
   end
   if self.of_ar[channel.ar_key] == nil then self.replaced[channel.ar_key] = nil end
@@ -519,7 +519,7 @@ local function displace(self, channel, by)
   end
   refused_at_last(self, job)
   if job.read_response or connected_since(self, job, asked) then
-    lose(self, job, may_be_displaced(channel) and "later" or "release")
+    close(self, job, may_be_displaced(channel) and "later" or "release")
     return
   end
   job.missing = lacks(self, job, "")
@@ -702,7 +702,7 @@ local function answer(self, channel, job, record)
   if channel.refused == job then channel.refused = nil end
   self.listener:answered(job)
   if half.data == "" then
-    lose(self, job, "")
+    close(self, job, "")
     if not job.write_refused then
       forget_last(self, channel) -- the next record may be for either
     end
@@ -745,7 +745,7 @@ local function set_aside(self, channel, job, missing)
     take_from(channel.asked, job)
   end
   if not (job.read_response or job.write_refused) then job.missing = missing end
-  lose(self, job, "")
+  close(self, job, "")
 end
 
 local function read(self, channel, job, event, record)
@@ -965,7 +965,7 @@ local function of_another(self, channel, job, record)
   end
   local unknown = not (job:write_told() or has_data) -- nobody knows whether its Write was accepted
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
-  local since = over and free_since(self, channel, sought) or asked.frame
+  local since = over and idle_since(self, channel, sought) or asked.frame
   local found = requests_missing_after(self, job.peer, channel, since, fits)
   if found == nil and job == channel.refused and has_data and not fits then
     found = missing_after(self, job.peer, 0) -- it may mirror a request before a Connect

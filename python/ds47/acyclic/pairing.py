@@ -426,7 +426,7 @@ class Pairing:
         if any(each is not None and each.time_ns < given_up for each in asked):
             return  # the request is in the capture, but its call was given up before
         if channel.refused is not None:
-            self._lose(channel.refused, "")
+            self._close(channel.refused, "")
             channel.refused = None
         if half.status != 0 and not half.cut_before_status:
             return
@@ -437,7 +437,7 @@ class Pairing:
     def _forget_last(self, channel: Channel) -> None:
         """Closes the last answered job: a missing one came after it, or the next record may be for either."""
         if channel.last is not None:
-            self._lose(channel.last, "")
+            self._close(channel.last, "")
             channel.last = None
 
     def read_response(self, record: Record) -> Job | None:
@@ -514,7 +514,7 @@ class Pairing:
             return
         if job is not None and refused.order > job.order:
             job.refused_behind = refused
-        self._lose(refused, "")
+        self._close(refused, "")
         channel.refused = None
 
     def _orphan(self, record: Record, channel: Channel, repeats: int | None) -> Job:
@@ -603,7 +603,7 @@ class Pairing:
         unknown = not (half.data or job.write_told)  # nobody knows whether its Write was accepted
         since = asked.frame
         if (unknown or job is channel.refused) and half.status != STATUS_SHORT:
-            since = self._free_since(job.key, channel, record.request or half)
+            since = self._idle_since(job.key, channel, record.request or half)
         found = self._requests_missing_after(job.peer, channel, since, ordered=fits)
         if found is None and job is channel.refused and half.data and not fits:
             found = self._missing_after(job.peer, 0)  # it may mirror a request before a Connect
@@ -646,9 +646,9 @@ class Pairing:
             channel.asked.remove(job)
         if job.read_response is None and not job.write_refused:
             job.missing = missing
-        self._lose(job, "")
+        self._close(job, "")
 
-    def _free_since(self, key: ChannelKey, channel: Channel, read: Half) -> int:
+    def _idle_since(self, key: ChannelKey, channel: Channel, read: Half) -> int:
         """The newest frame before a Read at which nothing was open on a channel; 0 if none is known.
 
         The newest Connect may be after the Read, if the AR proves itself late. It does not count then.
@@ -688,7 +688,7 @@ class Pairing:
 
         A program goes on reading after a Connect what it asked for before.
         """
-        since = channel.ended_frame or self._free_since(key, channel, half)
+        since = channel.ended_frame or self._idle_since(key, channel, half)
         missing = self._requests_missing_after(peer, channel, since)
         if missing is None and self._newest_unseen(key) > channel.ended_frame:
             return Missing("requests")
@@ -889,7 +889,7 @@ class Pairing:
             if channel.open is not None:
                 self._displace(channel, channel.open, job)
             if channel.refused is not None:
-                self._lose(channel.refused, "")
+                self._close(channel.refused, "")
                 channel.refused = None
             channel.open = job
         job.phase = self._table[job.phase]["write_accepted"]
@@ -904,7 +904,7 @@ class Pairing:
             job.fetching = [read for read in job.fetching if read.frame < asked.frame]
         self._refused_at_last(job)
         if job.read_response is not None or self._connected_since(job, asked) is not None:
-            self._lose(job, _may_be_displaced(channel).get(job.order, "release"))
+            self._close(job, _may_be_displaced(channel).get(job.order, "release"))
             return
         job.missing = self._lacks(job, "")
         if job.missing is None:
@@ -974,7 +974,7 @@ class Pairing:
         else:
             channel.open = None
         if channel.refused is not None:
-            self._lose(channel.refused, "")
+            self._close(channel.refused, "")
         channel.refused = job
 
     def _addressee(self, channel: Channel, event: str, record: Record) -> Job | None:
@@ -1051,7 +1051,7 @@ class Pairing:
             channel.refused = None
         self._outcomes.append(("answered", job, None))
         if not half.data:
-            self._lose(job, "")
+            self._close(job, "")
             if not job.write_refused:
                 self._forget_last(channel)  # the next record may be for either
             return
@@ -1087,7 +1087,7 @@ class Pairing:
             reads.pop()
         reads.append(read)
 
-    def _lose(self, job: Job, reason: str) -> None:
+    def _close(self, job: Job, reason: str) -> None:
         """Closes a job: nothing more comes."""
         if job.polls and job.missing is None:
             self._refused_at_last(job)
@@ -1130,7 +1130,7 @@ class Pairing:
         """A limit closes a job: its response may still come."""
         if job.read_response is None and not job.write_refused:
             job.limit, self._pushed_out = limit, True
-        self._lose(job, "")
+        self._close(job, "")
 
     def _close_channel(
         self, key: ChannelKey, reason: str, at: Moment | None = None, limit: str = ""
@@ -1144,7 +1144,7 @@ class Pairing:
                 self._push_out(job, limit)
                 continue
             job.ended = at and at.frame
-            self._lose(job, why.get(job.order, reason))
+            self._close(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
 
