@@ -127,7 +127,7 @@ def test_a_question_proves_until_too_much_waits_or_an_echo_comes() -> None:
     assert gate.passes(AR, 47)
     assert gate.echoed(OTHER, place, b"no echo") is None
     assert gate.echoed(OTHER, place, bytes(10)) == [OTHER]
-    assert not gate.asks(AR[1], place, request)
+    assert not gate.is_question_here(AR[1], place, request)
     assert gate.pass_on(OTHER, "again", asks=True) == ()
     assert outcomes == [("questions", AR, None), ("questions", OTHER, None), ("proven", AR, None)]
     assert gate.pass_on(OTHER, "proof", proves=True) == ["before", "question", "again", "proof"]

@@ -151,7 +151,7 @@ local function pass(self, event, proves, origin, record, detail)
     return false
   end
   local held = {event = event, origin = origin, record = record, detail = detail}
-  local asks = event == event_write_asked and index47:asks(peer.device, place, detail)
+  local asks = event == event_write_asked and index47:is_question_here(peer.device, place, detail)
   if index47:pass_on(ar, held, asks, self) then event(self, origin, record, detail, peer) end
   return true
 end

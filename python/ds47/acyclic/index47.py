@@ -199,7 +199,7 @@ class Index47:
         if len(self._sent) > self._waiting:
             self._sent.popitem(last=False)
 
-    def asks(self, device: str, place: Place, request: Request) -> bool:
+    def is_question_here(self, device: str, place: Place, request: Request) -> bool:
         """Whether a Write is a question, and its place is not known as a store."""
         return is_question(request) and self.drives.get((device, place)) is not False
 

@@ -94,7 +94,9 @@ class RecordEvents:
             record.proven = True
             self._asked(record, message)
             return
-        asks = message is not None and index47.asks(record.peer.device, record.place, message)
+        asks = message is not None and index47.is_question_here(
+            record.peer.device, record.place, message
+        )
         self.pass_on(record, "asked", message, asks=asks)
         if message is not None:
             index47.asked(record.relation, record.place, message, half.data)
