@@ -141,15 +141,15 @@ local function tell_given_up(self, parts, kind)
 end
 
 -- A part of a message that is not whole yet; that of a response belongs to its call.
-local function begun(self, pdu)
-  if pdu ~= nil then self.calls:begun(pdu) end
+local function take_fragment(self, pdu)
+  if pdu ~= nil then self.calls:take_fragment(pdu) end
 end
 
 -- The message that an RPC fragment completes, nil where it completes none.
 local function joined(self, pdu)
   local whole = self.fragments:feed(pdu)
   tell_given_up(self, self.fragments, "RPC")
-  if whole == nil then begun(self, pdu) end
+  if whole == nil then take_fragment(self, pdu) end
   return whole
 end
 
@@ -196,7 +196,7 @@ function Analysis:fragment(fragment)
     return
   end
   local first = self.reassembly.begun(fragment)
-  if first then begun(self, rpc.parse(first)) end
+  if first then take_fragment(self, rpc.parse(first)) end
 end
 
 --- Takes a cyclic frame that is watched and is looked at (`is_news` of channels.lua).

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 from ds47.acyclic import learning
 from ds47.acyclic.index47 import SHARED_INDEX, ArKey, Index47
 from ds47.acyclic.judge import Judge
-from ds47.acyclic.pairing import Job, Pairing, Told
+from ds47.acyclic.pairing import Job, Outcome, Pairing
 from ds47.acyclic.record_calls import OPERATIONS, RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.transactions import build, summarise
@@ -228,10 +228,11 @@ class Analysis:
         ignore = (*options.ignore, *rules_of_others(options.channels))
         self._times = FrameTimes(bounds.frame_times)
         self._findings = Findings(options.select, ignore, found, self._times)
-        self._told: list[Told] = []
+        self._outcomes: list[Outcome] = []
         index47 = Index47(
-            options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars, self._told
-        )
+            options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars,
+            self._outcomes,
+        )  # fmt: skip
         self._judge = Judge(
             bounds, slow_ns,
             lambda peer, frame: index47.waits(peer.device) or self._pairing.may_lack(peer, frame),
@@ -243,17 +244,17 @@ class Analysis:
             bounds.activities, lambda station: self._lines.line.lost(station) if self._lines else 0
         )
         self._diagnoses = Diagnoses(options.codec, self._completeness, self._judge.shown)
-        self._pairing = Pairing(bounds, self._told, self._completeness)
+        self._pairing = Pairing(bounds, self._outcomes, self._completeness)
         self._stations = Names(bounds.stations, options.vendor_id)
         self._vendor = self._stations.vendor if options.vendor_id is not None else None
         self._layouts = dict(options.pkw_layouts)
         self._cyclic: Conclusions | None = None
         """What is in cyclic frames; None until something sets it up or names it."""
-        self._events = RecordEvents(index47, self._pairing, options.codec, self._told)
+        self._events = RecordEvents(index47, self._pairing, options.codec, self._outcomes)
         self._records = RecordCalls(
             self._events,
             self._pairing,
-            self._told,
+            self._outcomes,
             self._completeness,
             bounds,
             self._stations,
@@ -296,18 +297,18 @@ class Analysis:
         self._findings.frames_dropped = capture.gaps
         for packet, have in self._packets.unfinished():
             self._given_up(packet, have)
-        self._hear()
+        self._process()
         self._s7.finish()
         for what, call, message in self._calls.finish():
-            self._records.takes[what](call, message)
-        self._hear()
+            self._records.handlers[what](call, message)
+        self._process()
         if self._lines is not None:
             self._lines.finish()
         self._pairing.finish(self._events.newest_ns)
-        self._hear()
+        self._process()
         self._records.finish()
         self._events.finish()
-        self._hear()
+        self._process()
         self._operation()
         self._proven_late()
         self._diagnose(capture)
@@ -352,7 +353,7 @@ class Analysis:
         return [each.result() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
-        note, other, happens = self._times.note, self._other, self._records.takes
+        note, other, handlers = self._times.note, self._other, self._records.handlers
         for frame in frames:
             on_bus = frame.link_type in LINK_TYPES
             self._untimed = on_bus and not frames.timed
@@ -366,9 +367,9 @@ class Analysis:
                 if pdu.cut is not None and pdu.opnum in OPERATIONS:
                     self._diagnoses.cut(pdu.cut)
                 for what, call, message in self._calls.take(pdu):
-                    happens[what](call, message)
-            if self._told:
-                self._hear()
+                    handlers[what](call, message)
+            if self._outcomes:
+                self._process()
 
     def _other(self, frame: Frame) -> Pdu | None:
         """The PDU in a frame that `from_frame` does not take, or that it completes; None without one.
@@ -382,7 +383,7 @@ class Analysis:
             self._given_up(*each)
         for first in self._packets.begun():
             if (begun := parse(first)) is not None:
-                self._calls.begun(begun)
+                self._calls.take_fragment(begun)
         return None if packet is None else self._brought(packet)
 
     def _brought(self, packet: Packet) -> Pdu | None:
@@ -406,9 +407,9 @@ class Analysis:
         if pdu is not None:
             self._records.incomplete(GivenUp(pdu, have, limit), "IP", self._calls.open_call(pdu))
 
-    def _hear(self) -> None:
-        """Processes what the steps have told, in the order in which it happened."""
-        for what, about, more in self._told:
+    def _process(self) -> None:
+        """Processes the outcomes of the steps, in the order in which they happened."""
+        for what, about, more in self._outcomes:
             if what == "answered":
                 self._answered(about)
             elif what == "closed":
@@ -431,7 +432,7 @@ class Analysis:
                 self._diagnoses.foreign(about)
             else:
                 self._proof(what, about)
-        self._told.clear()
+        self._outcomes.clear()
 
     def _proof(self, what: str, ar: ArKey) -> None:
         """An AR needs a proof, has it, or is none of a drive: then what waits for the proof is dropped."""
@@ -472,7 +473,7 @@ class Analysis:
         from ds47.acyclic.lines import ProfibusLine  # few captures have one
 
         return ProfibusLine(
-            limits(), self._events, self._pairing, self._told, self._channels(),
+            limits(), self._events, self._pairing, self._outcomes, self._channels(),
             dict(self._options.ppos),
         )  # fmt: skip
 
@@ -531,7 +532,7 @@ class Analysis:
             if job.limit and job.write_request is not None:
                 self._events.push_out(job.limit, job.write_request.frame)
         remarks += self._judge.closed(job)
-        if not job.known:
+        if not job.shows_nothing_new:
             remarks += self._diagnoses.closed(job)
         transaction = self._built(job)
         if self._untimed:
@@ -548,7 +549,7 @@ class Analysis:
 
     def _over(self, job: Job, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction is over, and known to be one of DS47."""
-        if not job.known or self._diagnoses.storms:
+        if not job.shows_nothing_new or self._diagnoses.storms:
             self._diagnoses.over(job)
             self._objects.transaction(transaction)
         remarks += self._remarks.pop(job, ())

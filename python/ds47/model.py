@@ -108,7 +108,7 @@ class Parameter(Plain):
     scaled: list[Value] | None
     error: ParameterError | None
     described: Described | None
-    told: Mapping[int | None, str] | None
+    value_texts: Mapping[int | None, str] | None
     """Value -> its text in lists of the user. None -> the text for all values, in a stored result."""
     family: str | None
     """The family of the drive's parameters: "sinamics", "micromaster", "profile"; None if no drive is named."""
@@ -127,7 +127,7 @@ class Parameter(Plain):
         scaled: list[Value] | None = None,
         error: ParameterError | None = None,
         described: Described | None = None,
-        told: Mapping[int | None, str] | None = None,
+        value_texts: Mapping[int | None, str] | None = None,
         family: str | None = None,
     ) -> None:
         self.pnu = pnu
@@ -142,7 +142,7 @@ class Parameter(Plain):
         self.scaled = scaled
         self.error = error
         self.described = described
-        self.told = told
+        self.value_texts = value_texts
         self.family = family
 
     @property

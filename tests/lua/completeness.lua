@@ -41,7 +41,7 @@ local COMMANDS = {
   disordered = function(pdu) found:disordered(pdu) end,
   lost = function(pdu) found:lost(pdu) end,
   behind = function(pdu)
-    return told(found:behind(pdu.client, pdu.server, pdu.frame, nil, pdu.renewed == 1))
+    return told(found:missing_after(pdu.client, pdu.server, pdu.frame, nil, pdu.renewed == 1))
   end,
   spoke = function(pdu) return tostring(found:spoke_ns(pdu.client, pdu.server)) end,
   fills = function(pdu) return tostring(activities[pdu.activity]:fills(pdu.seq)) end,

@@ -34,10 +34,10 @@ for text in io.lines() do
   local line = read_json(text)
   local item = { pnu = line.pnu, attribute = "value", values = line.values, format = line.format }
   local found = naming.explained(item, given(line.vendor_id), given(line.device_id)) or {}
-  local told = {}
-  for value, said in pairs(found.told or {}) do told[("%d"):format(value)] = said end
+  local texts = {}
+  for value, said in pairs(found.value_texts or {}) do texts[("%d"):format(value)] = said end
   print(json.encode({
     name = or_null(found.described and found.described.name), unit = or_null(found.unit),
-    told = next(told) and told or json.null,
+    value_texts = next(texts) and texts or json.null,
   }))
 end

@@ -208,7 +208,7 @@ local function feed(run, packet)
     run.stations:message(whole, packet.src_mac)
     run.calls:take(whole)
   else
-    run.calls:begun(pdu)
+    run.calls:take_fragment(pdu)
   end
 end
 

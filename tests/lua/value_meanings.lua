@@ -16,14 +16,14 @@ end
 
 for text in io.lines() do
   local line = read_json(text)
-  local told
-  for _, each in ipairs(line.told) do
-    told = told or {}
-    told[each[1]] = each[2]
+  local texts
+  for _, each in ipairs(line.value_texts) do
+    texts = texts or {}
+    texts[each[1]] = each[2]
   end
   local item = {
     pnu = line.pnu, subindex = line.subindex, attribute = "value", format = line.format, values = line.values,
-    listed = lookup.parameter(line.pnu, line.family), told = told,
+    listed = lookup.parameter(line.pnu, line.family), value_texts = texts,
   }
   local en, zh = formatting.meaning(item, "en"), formatting.meaning(item, "zh")
   print(json.encode({ en = given(en), zh = given(zh) }))

@@ -147,7 +147,7 @@ def test_of_many_holes_the_oldest_are_as_one() -> None:
 def test_nothing_is_missing_of_a_whole_conversation() -> None:
     found = heard(pdus(three))
     pair = found.lacks(CLIENT, SERVER)
-    assert [found.behind(PEER, frame) for frame in (0, 1, 11, 12)] == [None] * 4
+    assert [found.missing_after(PEER, frame) for frame in (0, 1, 11, 12)] == [None] * 4
     assert (pair.holes, pair.halves, found.late, found.newest(SERVER)) == ([], 0, 0, 0)
     assert found.newest_gap(SERVER) == 0
     assert pair.hears
@@ -157,8 +157,8 @@ def test_nothing_is_missing_of_a_whole_conversation() -> None:
 def test_a_missing_call_is_a_hole_behind_what_came_before_it() -> None:
     found = without(three, 5, 6)
     hole = Missing("calls", 3, 7, "2")
-    assert found.behind(PEER, 3) == found.behind(PEER, 6) == hole
-    assert found.behind(PEER, 7) is None
+    assert found.missing_after(PEER, 3) == found.missing_after(PEER, 6) == hole
+    assert found.missing_after(PEER, 7) is None
     assert found.newest(SERVER) == 7
     assert found.newest(CLIENT) == 0
     (other,) = pdus(lambda client: client.ask_write(ASK))
@@ -172,14 +172,19 @@ def test_a_write_response_without_its_request_shows_that_a_request_is_missing() 
     found = without(three, 5)
     pair = found.lacks(CLIENT, SERVER)
     missing = Missing("requests")
-    assert [found.behind(PEER, frame) for frame in (3, 5, 6, 7)] == [missing, missing, None, None]
+    assert [found.missing_after(PEER, frame) for frame in (3, 5, 6, 7)] == [
+        missing,
+        missing,
+        None,
+        None,
+    ]
     assert (pair.halves, pair.half, pair.holes, found.newest(SERVER)) == (1, 6, [], 6)
 
 
 def test_a_read_response_without_its_request_is_a_half() -> None:
     found = without(three, 7)
     pair = found.lacks(CLIENT, SERVER)
-    assert found.behind(PEER, 1) is None
+    assert found.missing_after(PEER, 1) is None
     assert (pair.halves, pair.half, pair.unread, found.newest(SERVER)) == (1, 8, [8], 8)
     assert found.newest_gap(SERVER) == 8
 
@@ -221,20 +226,20 @@ def test_the_first_half_of_a_call_is_named(frames: tuple[int, ...], first: int) 
 
 def test_who_was_never_heard() -> None:
     asked = heard(each for each in pdus(three) if each.ptype == 0)
-    assert asked.behind(PEER, 5) == Missing("one_direction")
+    assert asked.missing_after(PEER, 5) == Missing("one_direction")
     assert not asked.lacks(CLIENT, SERVER).hears
     told = heard(each for each in pdus(three) if each.ptype != 0)
-    assert told.behind(PEER, 5) == Missing("requests")
+    assert told.missing_after(PEER, 5) == Missing("requests")
     assert not told.lacks(CLIENT, SERVER).asks
     assert told.lacks(CLIENT, SERVER).hears
-    assert told.behind(Peer("192.168.133.9", SERVER), 5) == Missing("requests")
+    assert told.missing_after(Peer("192.168.133.9", SERVER), 5) == Missing("requests")
 
 
 def test_a_server_that_calls_itself_was_heard() -> None:
     """The device asks its controller for ApplicationReady: it is not the other half that is missing."""
     asked = [each for each in pdus(three) if each.ptype == 0]
     found = heard(asked)
-    assert found.behind(PEER, 5) == Missing("one_direction")
+    assert found.missing_after(PEER, 5) == Missing("one_direction")
     back = Completeness(64)
     back.began(turned(asked[0]), Numbers(said(0)))
     back.began(asked[0], Numbers(said(0)))
@@ -294,7 +299,7 @@ def test_a_response_before_its_request_is_out_of_order() -> None:
     pair = found.lacks(CLIENT, SERVER)
     assert (pair.halves, found.late, found.first_late) == (0, 2, 6)
     assert (pair.unasked, pair.unread, found.newest(SERVER)) == ([], [], 0)
-    assert found.behind(PEER, 1) is None
+    assert found.missing_after(PEER, 1) is None
 
 
 def test_the_oldest_pair_goes_first() -> None:
@@ -335,15 +340,15 @@ def test_numbers_of_two_activities_say_nothing_of_each_other() -> None:
         each.frame += 12
         each.activity, each.mark = bytes(16), each.mark + 1
     found = heard([*first, *second])
-    assert found.behind(PEER, 8) == Missing("calls", 3, 7, "2")
-    assert found.behind(PEER, 13) is None
+    assert found.missing_after(PEER, 8) == Missing("calls", 3, 7, "2")
+    assert found.missing_after(PEER, 13) is None
     whole = heard([*pdus(three), *second])
-    assert whole.behind(PEER, 8) is None
+    assert whole.missing_after(PEER, 8) is None
     half = heard([*(each for each in pdus(three) if each.frame != 7), *second])
-    assert half.behind(PEER, 9) == Missing("halves")
-    assert half.behind(PEER, 13) is None
+    assert half.missing_after(PEER, 9) == Missing("halves")
+    assert half.missing_after(PEER, 13) is None
     asked = heard([*(each for each in pdus(three) if each.frame != 5), *second])
-    assert asked.behind(PEER, 9) == Missing("requests")
+    assert asked.missing_after(PEER, 9) == Missing("requests")
 
 
 # What of it is said of jobs (docs/pairing.md, P73 to P80)

@@ -540,7 +540,7 @@ def test_nothing_is_said_of_a_response_whose_request_was_not_captured() -> None:
 def test_the_order_of_frames_comes_before_the_cause() -> None:
     talk = Talk()
     case = job(message.read(1, 1, FIXED), message.answer(1, 0x81, 1, message.error(0x11)))
-    case.rereads, case.again = [(None, case.read_response)], "again"  # type: ignore[list-item]
+    case.rereads, case.reread_cause = [(None, case.read_response)], "again"  # type: ignore[list-item]
     assert [each.rule for each in talk.diagnoses.closed(case)][:1] == ["DS704"]
 
 
@@ -589,4 +589,4 @@ def test_a_read_that_shows_nothing_new_is_known(
     for each in (first, later):
         for hear in (judge.answered, judge.closed, diagnoses.closed, diagnoses.over):
             hear(each)
-    assert (first.known, later.known) == (False, known)
+    assert (first.shows_nothing_new, later.shows_nothing_new) == (False, known)

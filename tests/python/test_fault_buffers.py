@@ -116,7 +116,7 @@ def test_of_another_make_it_is_not_said_which_situation() -> None:
 
 def test_a_text_of_a_list_stands_for_the_number() -> None:
     number = part(945, [7900])
-    number.told = {7900: "F07900 motor blocked"}
+    number.value_texts = {7900: "F07900 motor blocked"}
     assert told(read(1, number, part(949, [5])))[1:] == [
         "active | [0] | F07900 motor blocked | value 5"
     ]

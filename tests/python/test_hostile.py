@@ -429,8 +429,8 @@ def feed(run: Analysis, packet: Packet) -> None:
     """What an analysis does with a packet."""
     pdu = run._brought(packet)
     for what, call, said in () if pdu is None else run._calls.take(pdu):
-        run._records.takes[what](call, said)
-    run._hear()
+        run._records.handlers[what](call, said)
+    run._process()
 
 
 @pytest.mark.parametrize("stream", STREAMS, ids=lambda each: each.__name__)
@@ -560,10 +560,10 @@ def test_a_transport_finding_holds_no_finished_transaction():
     assert not any(remark.job for remark in run._findings._remarks)
     assert not any(job.over for job in run._remarks)
     for what, call, said in run._calls.finish():
-        run._records.takes[what](call, said)
-    run._hear()
+        run._records.handlers[what](call, said)
+    run._process()
     run._pairing.finish()
-    run._hear()
+    run._process()
     assert not run._remarks
 
 

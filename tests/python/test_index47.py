@@ -112,8 +112,8 @@ def test_all_together_may_wait_sixteen_times_as_long() -> None:
 
 
 def test_a_question_proves_until_too_much_waits_or_an_echo_comes() -> None:
-    told: list[object] = []
-    gate = Index47(frozenset(), 4, told=told)
+    outcomes: list[object] = []
+    gate = Index47(frozenset(), 4, outcomes=outcomes)
     place, request = (0, 1, 1), decode_request(bytes.fromhex("01010101 1001 0015 0000"))
     for ar in (AR, OTHER):
         assert gate.pass_on(ar, "before") == ()
@@ -127,9 +127,9 @@ def test_a_question_proves_until_too_much_waits_or_an_echo_comes() -> None:
     assert gate.passes(AR, 47)
     assert gate.echoed(OTHER, place, b"no echo") is None
     assert gate.echoed(OTHER, place, bytes(10)) == [OTHER]
-    assert not gate.asks(AR[1], place, request)
+    assert not gate.is_question_here(AR[1], place, request)
     assert gate.pass_on(OTHER, "again", asks=True) == ()
-    assert told == [("questions", AR, None), ("questions", OTHER, None), ("proven", AR, None)]
+    assert outcomes == [("questions", AR, None), ("questions", OTHER, None), ("proven", AR, None)]
     assert gate.pass_on(OTHER, "proof", proves=True) == ["before", "question", "again", "proof"]
 
 

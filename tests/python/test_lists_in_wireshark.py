@@ -79,15 +79,19 @@ def test_both_say_the_same_of_lists(lua: str, seed: int, tmp_path: Path) -> None
                 "format": "Integer32",
             }
         )
-        told = None if item.told is None else {str(key): text for key, text in item.told.items()}
-        expected.append({"name": item.name, "unit": item.unit, "told": told})
+        texts = (
+            None
+            if item.value_texts is None
+            else {str(key): text for key, text in item.value_texts.items()}
+        )
+        expected.append({"name": item.name, "unit": item.unit, "value_texts": texts})
     result = subprocess.run(
         [lua_program(lua), str(PROGRAM), str(path)], input="\n".join(map(json.dumps, questions)),
         capture_output=True, encoding="utf-8", check=True,
     )  # fmt: skip
     answers = [json.loads(line) for line in result.stdout.splitlines()]
     assert answers == expected
-    assert any(each["told"] for each in answers)
+    assert any(each["value_texts"] for each in answers)
 
 
 BROKEN = {
@@ -129,7 +133,7 @@ def test_windows_may_have_edited_it(tmp_path: Path) -> None:
         [lua_program(LUAS[0]), str(PROGRAM), str(path)], input=json.dumps(question), capture_output=True,
         encoding="utf-8", check=True,
     )  # fmt: skip
-    assert json.loads(result.stdout) == {"name": "Motor", "unit": "s", "told": None}
+    assert json.loads(result.stdout) == {"name": "Motor", "unit": "s", "value_texts": None}
 
 
 @pytest.fixture

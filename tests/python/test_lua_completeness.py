@@ -148,7 +148,7 @@ class Python:
         if what in hears:
             return hears[what]()
         if what == "behind":
-            return told(found.behind(Peer(*pair), pdu.frame, ordered=flag))
+            return told(found.missing_after(Peer(*pair), pdu.frame, ordered=flag))
         if what == "has":
             return str(activity.has(pdu.seq)).lower()
         if what == "holes":

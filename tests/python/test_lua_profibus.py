@@ -22,7 +22,7 @@ import test_profibus_calls as by_hand
 from lua_program import LUAS, lua_program
 from test_profibus_calls import MS, NOT_READY, SHORT, Talk
 
-from ds47.acyclic.pairing import Job, Pairing, Told
+from ds47.acyclic.pairing import Job, Outcome, Pairing
 from ds47.acyclic.services import Became, ServiceCall, ServiceTracker
 from ds47.profibus import telegram
 from ds47.profibus.line import Exchange, Line, LineFrame
@@ -63,8 +63,8 @@ class Ear:
         self.told: list[dict[str, Any]] = []
         self._calls: list[ServiceCall] = []
         self._jobs: dict[int, Job] = {}
-        self._jobs_told: list[Told] = []
-        self.pairing = Pairing(limits(), self._jobs_told)
+        self._outcomes: list[Outcome] = []
+        self.pairing = Pairing(limits(), self._outcomes)
 
     def run(self, frames: Iterable[bytes], cut: bool = False) -> list[dict[str, Any]]:
         line, calls = Line(), ServiceTracker()
@@ -87,10 +87,10 @@ class Ear:
             self._close()
 
     def _close(self) -> None:
-        for what, job, _ in self._jobs_told:
+        for what, job, _ in self._outcomes:
             if what == "closed":
                 self._closed(job)
-        self._jobs_told.clear()
+        self._outcomes.clear()
 
     def _tell(self, event: str, **content: Any) -> None:
         self.told.append({"event": event, **content})

@@ -229,15 +229,15 @@ class Ear:
         )  # fmt: skip
 
 
-class Told(list[Any]):
-    """Gives what is told to an ear at once; writes to foreign indices are the analyzer's alone."""
+class Outcomes(list[Any]):
+    """Gives each outcome to an ear at once; writes to foreign indices are the analyzer's alone."""
 
     def __init__(self, ear: Ear) -> None:
         super().__init__()
         self.ear = ear
 
-    def append(self, told: tuple[str, Any, Any]) -> None:
-        what, about, more = told
+    def append(self, outcome: tuple[str, Any, Any]) -> None:
+        what, about, more = outcome
         if what == "remark":
             self.ear.remark(about)
         elif what == "set_up":
@@ -258,10 +258,10 @@ class Run:
     def __init__(self, index47: Index47) -> None:
         self.ear = Ear()
         self.naming = Stations()
-        told = Told(self.ear)
-        self.events = RecordEvents(index47, self.ear, Options(), told)  # type: ignore[arg-type]
+        outcomes = Outcomes(self.ear)
+        self.events = RecordEvents(index47, self.ear, Options(), outcomes)  # type: ignore[arg-type]
         missing = Completeness(limits().activities)
-        self.records = RecordCalls(self.events, self.ear, told, missing, limits(), Stations())  # type: ignore[arg-type]
+        self.records = RecordCalls(self.events, self.ear, outcomes, missing, limits(), Stations())  # type: ignore[arg-type]
         self.calls = Messages(missing, self)
         self.given_up: list[Became] = []
 
@@ -272,7 +272,7 @@ class Run:
         told = self.calls.finish()
         for each in (*self.given_up, *told):
             if each[0] == "incomplete":
-                self.records.takes[each[0]](*each[1:])
+                self.records.handlers[each[0]](*each[1:])
         for packet, have, limit in [
             *source.given_up(),
             *((*each, "") for each in source.unfinished()),
@@ -321,7 +321,7 @@ class Run:
             if became[0] == "incomplete":
                 self.given_up.append(became)
             else:
-                self.records.takes[became[0]](*became[1:])
+                self.records.handlers[became[0]](*became[1:])
 
 
 class Messages(CallTracker):

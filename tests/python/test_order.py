@@ -66,7 +66,8 @@ def test_no_read_is_too_early_for_a_write_that_was_not_accepted(answer: Half | N
 
 
 def test_a_response_that_is_read_once_more_names_both_frames() -> None:
-    (told,) = said(job(READ, ANSWER, rereads=[(at(5), at(6)), (at(7), at(8))], again="again_here"))
+    rereads = [(at(5), at(6)), (at(7), at(8))]
+    (told,) = said(job(READ, ANSWER, rereads=rereads, reread_cause="again_here"))
     args = {"case": "again_here", "frame": 6, "first": 4, "write": None}
     assert told == ("DS704", 6, args)
 

@@ -9,7 +9,7 @@ from uuid import UUID
 import pytest
 from talk import request
 
-from ds47.acyclic.pairing import STATUS_SHORT, Job, Moment, Pairing, Told
+from ds47.acyclic.pairing import STATUS_SHORT, Job, Moment, Outcome, Pairing
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
 from ds47.profinet.completeness import Completeness
@@ -24,18 +24,18 @@ ROWS = [(phase, event) for phase, events in phases().items() for event in events
 
 @dataclass
 class Channel:
-    """A pairing, its clock, and what it told."""
+    """A pairing, its clock, and its outcomes."""
 
     bounds: Limits = LIMITS
     now: int = 0
-    told: list[Told] = field(default_factory=list)
+    outcomes: list[Outcome] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.pairing = Pairing(self.bounds, self.told)
+        self.pairing = Pairing(self.bounds, self.outcomes)
 
     def heard(self, what: str) -> list[Any]:
-        """Of what that was told, up to now."""
-        return [about for each, about, _ in self.told if each == what]
+        """The subjects of these outcomes, up to now."""
+        return [about for each, about, _ in self.outcomes if each == what]
 
     @property
     def answered(self) -> list[Job]:
@@ -54,7 +54,7 @@ class Channel:
         return Half(self.now, self.now, data, len(data), status=status)
 
     def record(self, write: bool, ar: UUID = CONTROLLER_AR, slot: int = 1) -> Record:
-        return Record(write, False, ar.bytes, 0, slot, 1, 47, 0, peer=PEER, ours=True)
+        return Record(write, False, ar.bytes, 0, slot, 1, 47, 0, peer=PEER, may_be_ours=True)
 
     def ask(self, reference: int = 1, slot: int = 1) -> Job:
         data = message.read(reference, 1, message.address(21))
@@ -147,12 +147,12 @@ def test_a_write_without_its_response_may_have_displaced_what_a_connect_ended() 
 @pytest.mark.parametrize(("lost", "what"), [(0, "ends"), (99, "line")])
 def test_of_a_station_is_missing_what_its_line_shows(lost: int, what: str) -> None:
     """PROFIBUS has no calls: a Write without its answer was polled, and its answer may come yet."""
-    told: list[Told] = []
-    pairing = Pairing(LIMITS, told, Completeness(16, lambda _: lost))
+    outcomes: list[Outcome] = []
+    pairing = Pairing(LIMITS, outcomes, Completeness(16, lambda _: lost))
     data = message.read(1, 1, message.address(21))
     half = Half(1, 1, data, len(data))
     peer = Peer("dp1", "dp3", station=3)
-    record = Record(True, False, bytes(16), -1, 1, 0, 47, 0, half, None, peer, ours=True)
+    record = Record(True, False, bytes(16), -1, 1, 0, 47, 0, half, None, peer, may_be_ours=True)
     job = pairing.write_request(record, request(data))
     pairing.finish()
     assert job.missing is not None

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ds47.acyclic.pairing import Job, Pairing, Told
+from ds47.acyclic.pairing import Job, Outcome, Pairing
 from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Became, ServiceCall, ServiceTracker
 from ds47.profibus import telegram
 from ds47.profibus.line import MOST_RETRIES, Exchange, Line, LineFrame
@@ -333,8 +333,8 @@ def test_every_call_ends_once(frames: list[bytes]) -> None:
 def paired(frames: Iterable[bytes]) -> list[Job]:
     """The jobs that the pairing makes of the calls."""
     jobs: dict[int, Job] = {}
-    told: list[Told] = []
-    pairing = Pairing(limits(), told)
+    outcomes: list[Outcome] = []
+    pairing = Pairing(limits(), outcomes)
 
     def access(call: ServiceCall) -> Record:
         who = Peer(str(call.master), str(call.station), station=call.station)
@@ -361,7 +361,7 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
         elif what == "answered":
             answered(call)
     pairing.finish()
-    return [about for what, about, _ in told if what == "closed"]
+    return [about for what, about, _ in outcomes if what == "closed"]
 
 
 def test_one_transaction_with_its_polls() -> None:

@@ -209,12 +209,12 @@ def test_what_the_capture_cut_is_told_from_what_was_never_sent() -> None:
         (record,) = parse_request(pdu)[0]
         assert record.request is not None
         assert (record.request.data, record.request.missing, record.request.cut) == (b"", 7, cut)
-        assert not record.request.untold
+        assert not record.request.cut_before_status
     for length in range(60, len(answered.body)):
         (record,) = parse_response(cut_to(answered, length))[1]
         assert record.response is not None
         there = length >= 68  # the STATUS of the block is
-        assert (record.response.status, record.response.untold) == (
+        assert (record.response.status, record.response.cut_before_status) == (
             (0, False) if there else (None, True)
         )
 
@@ -225,7 +225,7 @@ def test_of_a_record_that_came_the_length_is_known() -> None:
         (record,) = parse_response(cut_to(answered, length))[1]
         half = record.response
         assert half is not None
-        assert (half.cut, half.untold, half.stated) == (True, False, 7)
+        assert (half.cut, half.cut_before_status, half.stated) == (True, False, 7)
         assert len(half.data) == max(0, length - 84)
 
 
@@ -238,9 +238,9 @@ def test_a_block_that_is_cut_off_may_have_a_status_of_its_own(
 ) -> None:
     answered = pdus(read)[1]
     half = without_block(cut_to(answered, 30), status, write=write)
-    assert (half.status, half.untold) == told
+    assert (half.status, half.cut_before_status) == told
     whole = without_block(answered, status, write=write)
-    assert (whole.status, whole.cut, whole.untold) == (status, False, False)
+    assert (whole.status, whole.cut, whole.cut_before_status) == (status, False, False)
 
 
 @ORDERS

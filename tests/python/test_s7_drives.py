@@ -306,7 +306,7 @@ def test_values_have_the_type_of_the_tables_where_it_fits(
     (item,) = told(act, cpus=(("", "sinamics"),)).transactions[0].items
     assert item.parameter is not None
     assert item.parameter.values == values
-    assert item.parameter.told == (None if also is None else {None: also})
+    assert item.parameter.value_texts == (None if also is None else {None: also})
 
 
 def command(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:

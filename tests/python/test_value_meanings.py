@@ -122,14 +122,14 @@ def test_lists_of_a_user_come_first(pnu: int, given: list[Value], said: str | No
     assert line.endswith(f" ({said})") == (said is not None)
     item = of(pnu, given)
     explain(SimpleNamespace(parameters=[item]), listed(), 0x0042, None)  # type: ignore[arg-type]
-    assert item.told is None
+    assert item.value_texts is None
 
 
 def test_json_says_it_and_keeps_what_lists_say() -> None:
     for item in (
         of(300, [1]),
         of(840, [0x02D2FC02]),
-        of(777, [3], told={3: "auto"}, described=Described("Mode", ())),
+        of(777, [3], value_texts={3: "auto"}, described=Described("Mode", ())),
     ):
         for lang in ("en", "zh"):
             found = values.meaning(item)
@@ -173,11 +173,16 @@ def test_both_say_the_same(lua: str) -> None:
         kind = chance.choice(["Unsigned32", "Unsigned16", "Integer16", "Float32"])
         numbers_ = [float(each) for each in given] if kind == "Float32" else given
         item = of(
-            pnu, list(numbers_), chance.choice([0, 0, 1, 8, 9]), kind, family=family, told=told
+            pnu,
+            list(numbers_),
+            chance.choice([0, 0, 1, 8, 9]),
+            kind,
+            family=family,
+            value_texts=told,
         )
         items.append(item)
         cases.append({"pnu": pnu, "family": family, "values": given, "subindex": item.subindex, "format": kind,
-                      "told": [[key, text] for key, text in (told or {}).items()]})  # fmt: skip
+                      "value_texts": [[key, text] for key, text in (told or {}).items()]})  # fmt: skip
     result = subprocess.run(
         [lua_program(lua), str(PROGRAM)], input="\n".join(map(json.dumps, cases)), capture_output=True,
         encoding="utf-8", check=True,

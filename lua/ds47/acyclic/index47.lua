@@ -179,7 +179,7 @@ function Index47:asked(ar, place, request, data)
 end
 
 --- Whether a Write is a question, and its place is not known as a store.
-function Index47:asks(device, place, request)
+function Index47:is_question_here(device, place, request)
   return M.is_question(request) and self.drives.values[submodule(device, place.api, place)] ~= false
 end
 

@@ -20,7 +20,7 @@ M.STATUS_NOT_READY = 0xDE80B500
 M.STATUS_IN_USE = 0xDF80B500
 
 local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
-local is_untold = records.is_untold
+local is_cut_before_status = records.is_cut_before_status
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, tables.limits.reads
 -- Length error on a Read: the response is longer than the Read allows (docs/protocol.md E.1).
 local STATUS_SHORT = 0xDE80B100
@@ -44,7 +44,7 @@ Job.rereads = NONE -- the same
 Job.empty_reads = NONE -- array of halves
 Job.calls = NONE -- the findings about its calls (DS101, DS103, DS104, DS108): array of {rule, frame}
 Job.reason = ""
-Job.again = "" -- what led to the first re-read: a key of tables.diagnosis_words
+Job.reread_cause = "" -- what led to the first re-read: a key of tables.diagnosis_words
 -- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
 --   previous: frame of the previous captured request on its channel
 --   superseding: the request that displaced this one; until it is closed
@@ -55,16 +55,17 @@ Job.again = "" -- what led to the first re-read: a key of tables.diagnosis_words
 --   between: the unanswered Write before the first re-read: the re-read may be for that Write
 --   ended: frame that ended the connection while the request was open
 --   limit: name of the limit that pushed it out: a response may still come
---   passed: true if it turned out, while this Write waited for its response, that no request is open (P28)
+--   passed_over: true if it turned out, while this Write waited for its response, that no request is open
+--     (P28)
 --   contested: true if a record that went to an older request may be the response to this one (P72)
 --   remarks: the findings about its response, until it is closed; the listener keeps them here
 --   fetching: array of its Reads that have no response yet; nil for none
 --   read_before: true if a missing or incomplete Read may have fetched the response earlier
 --   uncounted: true for the first one on its channel, if another channel of its AR had its reference last
---   twice: frame of one of its calls with two responses: the client may have got either; nil for none
+--   doubled_frame: frame of one of its calls with two responses: the client may have got either; nil for none
 --   hasty: true if its Read came before its Write response, although its client usually waits
---   untold: frame that the capture cut off before the request, or the outcome of a call, is known; nil: none
---   written_again: frame of an accepted Write with the same request, sent while this one had no response
+--   cut_frame: frame that the capture cut off before the request, or the outcome of a call, is known
+--   rewritten_frame: frame of an accepted Write with the same request, sent while this one had no response
 --   crossed: {first, last}, frames of two Writes, including this one, with responses in reverse order (P27)
 --   missing: what the capture lacks, so that nobody knows the outcome: {what, first, last, numbers}
 --     (completeness.lua, P73)
@@ -107,7 +108,9 @@ end
 function Job:write_request() return self.message and self.record.request end
 
 --- Whether the capture shows the answer to the Write.
-function Job:write_told() return self.write_response ~= nil and not is_untold(self.write_response) end
+function Job:write_told()
+  return self.write_response ~= nil and not is_cut_before_status(self.write_response)
+end
 
 local function polls_with(job, status)
   local reads = {}
@@ -146,12 +149,12 @@ local function is_headless(half) return half.cut and (half.status or 0) == 0 and
 -- The newest unanswered Write, if a Read may be for it: no later one was accepted. nil for none.
 local function waiting_of(channel)
   local newest = channel.asked[#channel.asked]
-  return newest and not newest.passed and newest.order > channel.accepted and newest or nil
+  return newest and not newest.passed_over and newest.order > channel.accepted and newest or nil
 end
 
 -- No request is open: a Read no longer counts as the answer to a Write that waits for its response.
 local function pass_over(channel)
-  for _, job in ipairs(channel.asked) do job.passed = true end
+  for _, job in ipairs(channel.asked) do job.passed_over = true end
 end
 
 -- The bytes that were read last; nil without a job or a response.
@@ -250,12 +253,12 @@ end
 -- What is not in the capture (P73)
 
 -- What may be missing of the controller's calls after a frame.
-local function behind(self, peer, frame, lost, in_order)
+local function missing_after(self, peer, frame, lost, in_order)
   if not self.completeness then return nil end
   if peer.station then
     return self.completeness.lost_on_line(peer.station) > frame and {what = "line"} or nil
   end
-  return self.completeness:behind(peer.controller, peer.device, frame, lost, in_order)
+  return self.completeness:missing_after(peer.controller, peer.device, frame, lost, in_order)
 end
 
 -- Whether the client usually waits, so that a response after its next call is a second copy.
@@ -265,28 +268,28 @@ local function waits(self, peer)
 end
 
 --- Whether a call of a controller to a device may be missing after a frame.
-function Pairing:may_lack(peer, frame) return behind(self, peer, frame) ~= nil end
+function Pairing:may_lack(peer, frame) return missing_after(self, peer, frame) ~= nil end
 
 -- What may be missing of the requests on a channel after a frame; 0: from before the capture.
-local function asked_behind(self, peer, channel, since, in_order)
-  if channel.unseen > since then return {what = "requests"} end
-  return since == 0 and {what = "begins"} or behind(self, peer, since, nil, in_order)
+local function requests_missing_after(self, peer, channel, since, in_order)
+  if channel.unseen_frame > since then return {what = "requests"} end
+  return since == 0 and {what = "begins"} or missing_after(self, peer, since, nil, in_order)
 end
 
 -- The newest frame before a Read at which nothing was open on a channel; 0 if none is known. The newest
 -- Connect may be after the Read, if the AR proves itself late. It does not count then.
-local function free_since(self, channel, read)
+local function idle_since(self, channel, read)
   local connect = self.connects:get(channel.ar_key)
-  return math.max(channel.ended, connect and connect.frame < read.frame and connect.frame or 0)
+  return math.max(channel.ended_frame, connect and connect.frame < read.frame and connect.frame or 0)
 end
 
 -- Which missing request may be open on a channel, if the capture shows none (P78).
 -- A program goes on reading after a Connect what it asked for before.
 local function may_be_open(self, peer, channel, half)
-  local since = channel.ended > 0 and channel.ended or free_since(self, channel, half)
-  local missing = asked_behind(self, peer, channel, since)
+  local since = channel.ended_frame > 0 and channel.ended_frame or idle_since(self, channel, half)
+  local missing = requests_missing_after(self, peer, channel, since)
   for key in self.of_place[channel.place]:newest_first(self.limits.users) do
-    local unseen = self.channels:get(key).unseen > channel.ended -- whoever asked there
+    local unseen = self.channels:get(key).unseen_frame > channel.ended_frame -- whoever asked there
     missing = missing or unseen and {what = "requests"} or nil
   end
   return missing
@@ -311,13 +314,15 @@ end
 
 -- Which call of a job, or which half of one, may be missing; PROFIBUS has no calls.
 local function lacks_calls(self, job, asked, lost)
-  if job.peer.station then return behind(self, job.peer, asked.frame) end
-  if job.written_again then return {what = "written_again", first = asked.frame, last = job.written_again} end
+  if job.peer.station then return missing_after(self, job.peer, asked.frame) end
+  if job.rewritten_frame then
+    return {what = "written_again", first = asked.frame, last = job.rewritten_frame}
+  end
   if job.crossed then return {what = "crossed", first = job.crossed.first, last = job.crossed.last} end
-  if job.twice then return {what = "twice", first = job.twice} end
-  if job.untold then return {what = "cut_off", first = job.untold} end
+  if job.doubled_frame then return {what = "twice", first = job.doubled_frame} end
+  if job.cut_frame then return {what = "cut_off", first = job.cut_frame} end
   if job.fetching and not job.limit then return {what = "read_answer", first = job.fetching[1].frame} end
-  local found = behind(self, job.peer, asked.frame, lost)
+  local found = missing_after(self, job.peer, asked.frame, lost)
   if found == nil and not (job:write_told() or job.limit) then return unanswered(job, asked) end
   return found
 end
@@ -350,7 +355,7 @@ local function refused_at_last(self, job, lost)
 end
 
 -- `at` is what ended its connection, {frame, time_ns}; nil where nothing is known of that.
-local function lose(self, job, reason, at)
+local function close(self, job, reason, at)
   if at then job.ended = at.frame end
   if not job.missing then refused_at_last(self, job) end
   if reason ~= "" then job.reason = reason end
@@ -364,14 +369,14 @@ end
 -- Closes the last answered job: a missing one came after it, or the next record may be for either.
 local function forget_last(self, channel)
   if channel.last then
-    lose(self, channel.last, "")
+    close(self, channel.last, "")
     channel.last = nil
   end
 end
 
 -- The Read was not for the refused Write: no later Read is either.
 local function leave_refused(self, channel)
-  lose(self, channel.refused, "")
+  close(self, channel.refused, "")
   channel.refused = nil
 end
 
@@ -380,7 +385,7 @@ local function push_out(self, job, limit)
   if job.read_response == nil and not job.write_refused then
     job.limit, self.forgot_requests = limit, true
   end
-  lose(self, job, "")
+  close(self, job, "")
 end
 
 -- Indices of channels: a name -> the keys of its channels, in the order of first sight.
@@ -412,7 +417,9 @@ local function at_the_end(channel)
   for _, job in ipairs(channel.asked) do why[job] = job ~= newest and "unseen" or nil end
   if newest == nil then return why end
   local asked = newest.record.request
-  if newest.order < channel.accepted or asked and channel.heard > asked.frame then why[newest] = "unseen" end
+  if newest.order < channel.accepted or asked and channel.heard_frame > asked.frame then
+    why[newest] = "unseen"
+  end
   if may_be_displaced(channel) then why[channel.open] = "later" end
   return why
 end
@@ -435,7 +442,7 @@ local function close_channel(self, channel, reason, at, limit)
     if limit then
       push_out(self, job, limit)
     else
-      lose(self, job, job == channel.open and may_be_displaced(channel) and "later" or reason, at)
+      close(self, job, job == channel.open and may_be_displaced(channel) and "later" or reason, at)
     end
   end
   if self.of_ar[channel.ar_key] == nil then self.replaced[channel.ar_key] = nil end
@@ -454,12 +461,12 @@ local function new_channel(self, key, peer, record)
     refused = nil, -- the latest refused Write, until something is read
     last = nil, -- the job that was answered last
     reference = nil, -- that of the newest Write,
-    written = nil, -- and its frame
+    written_frame = nil, -- and its frame
     accepted = 0, -- `order` of the newest Write that was accepted
-    heard = 0, -- frame of the newest record that was read
-    unasked = 0, -- frame of the newest Write response without a captured request
-    unseen = 0, -- the same, but only for an accepted Write: it displaced what was open
-    ended = 0, -- frame of the newest Read response that ended a known request, or found none open
+    heard_frame = 0, -- frame of the newest record that was read
+    unasked_frame = 0, -- frame of the newest Write response without a captured request
+    unseen_frame = 0, -- the same, but only for an accepted Write: it displaced what was open
+    ended_frame = 0, -- frame of the newest Read response that ended a known request, or found none open
   }
   self.channels:set(key, channel)
   put_in(self.of_ar, of_ar, key)
@@ -512,7 +519,7 @@ local function displace(self, channel, by)
   end
   refused_at_last(self, job)
   if job.read_response or connected_since(self, job, asked) then
-    lose(self, job, may_be_displaced(channel) and "later" or "release")
+    close(self, job, may_be_displaced(channel) and "later" or "release")
     return
   end
   job.missing = lacks(self, job, "")
@@ -529,7 +536,7 @@ local function written_again(channel, job)
   local by = job:write_request()
   for _, each in ipairs(channel.asked) do
     if by and each.order < job.order and each:write_request().data == by.data then
-      each.written_again = by.frame
+      each.rewritten_frame = by.frame
     end
   end
 end
@@ -571,12 +578,12 @@ local function rival_of(self, channel, job)
   end
   local asked = found and found:write_request()
   if asked == nil then
-    return nil, channel.ended < came.frame and may_be_open(self, job.peer, channel, came) == nil
-  elseif behind(self, found.peer, asked.frame) or behind(self, job.peer, asked.frame) then
+    return nil, channel.ended_frame < came.frame and may_be_open(self, job.peer, channel, came) == nil
+  elseif missing_after(self, found.peer, asked.frame) or missing_after(self, job.peer, asked.frame) then
     return nil
   end
   local fetched = found.fetching and found.fetching[1].frame < came.frame
-  local sure = found:write_told() and not (fetched or found.twice)
+  local sure = found:write_told() and not (fetched or found.doubled_frame)
   return (sure or asked.frame > came.frame) and found or nil
 end
 
@@ -599,7 +606,7 @@ local function newer_than(open, channel, reference)
   local asked, newer, mirrored = channel.asked, {}, open:reference() == reference
   for place = #asked, 1, -1 do
     local job = asked[place]
-    if job.order > open.order and not job.passed and (job:reference() == reference) == mirrored then
+    if job.order > open.order and not job.passed_over and (job:reference() == reference) == mirrored then
       newer[#newer + 1] = job
     end
   end
@@ -654,7 +661,7 @@ local function addressee(channel, event, record)
     local mirrored
     for place = #asked, 1, -1 do -- the newest one with the kind of the record, if there are several
       local job = asked[place]
-      if job:reference() == reference and not (job.passed or is_later(job, record))
+      if job:reference() == reference and not (job.passed_over or is_later(job, record))
         and may_be(channel, job, half) then
         if mirrors(job, data) then return job end
         mirrored = mirrored or job
@@ -677,7 +684,7 @@ end
 -- missing call may also be a repetition of the request: then that one waited.
 local function may_be_read(self, job)
   local asked = (job.polls[1] or job.fetching) and job:write_request()
-  return asked and (job.fetching or behind(self, job.peer, asked.frame)) ~= nil or nil
+  return asked and (job.fetching or missing_after(self, job.peer, asked.frame)) ~= nil or nil
 end
 
 -- A Read ends a job: it brings the record, or it is refused.
@@ -686,7 +693,7 @@ local function answer(self, channel, job, record)
   job.read_request, job.read_response = record.request, half
   job.read_before = may_be_read(self, job)
   if job.message then -- anything may be missing before an orphan
-    channel.ended = half.frame
+    channel.ended_frame = half.frame
     if is_headless(half) and not job.write_refused then
       job.missing = {what = "cut_off", first = half.frame}
     end
@@ -695,7 +702,7 @@ local function answer(self, channel, job, record)
   if channel.refused == job then channel.refused = nil end
   self.listener:answered(job)
   if half.data == "" then
-    lose(self, job, "")
+    close(self, job, "")
     if not job.write_refused then
       forget_last(self, channel) -- the next record may be for either
     end
@@ -712,7 +719,7 @@ end
 -- questions may have the same answer.
 local function compare(self, last, job, half)
   local read = last and last.read_response
-  if read and is_same(read, half) and behind(self, job.peer, read.frame) == nil then
+  if read and is_same(read, half) and missing_after(self, job.peer, read.frame) == nil then
     job.repeats = read.frame
   end
 end
@@ -738,7 +745,7 @@ local function set_aside(self, channel, job, missing)
     take_from(channel.asked, job)
   end
   if not (job.read_response or job.write_refused) then job.missing = missing end
-  lose(self, job, "")
+  close(self, job, "")
 end
 
 local function read(self, channel, job, event, record)
@@ -796,9 +803,9 @@ local function reread(self, channel, job, record)
   job.phase = PHASES[job.phase].reread
   if not job.rereads[1] and not was_open(channel, record.request) then
     job.between = waiting_of(channel)
-    local written = math.max(channel.written or 0, channel.unasked)
+    local written = math.max(channel.written_frame or 0, channel.unasked_frame)
     local unaccepted = written > job.read_response.frame and "again_unaccepted"
-    job.again = record.implicit and "again_without_ar" or unaccepted or "again"
+    job.reread_cause = record.implicit and "again_without_ar" or unaccepted or "again"
   end
   keep(job, "rereads", {request = record.request, response = record.response})
   touch(self, job, "reread", record.response)
@@ -806,7 +813,7 @@ end
 
 -- Whether another channel of its AR had a reference last, where a channel has none yet.
 local function is_uncounted(self, channel, reference)
-  for key in (channel.written and NO_KEYS or self.of_ar[channel.ar_key]):iterate() do
+  for key in (channel.written_frame and NO_KEYS or self.of_ar[channel.ar_key]):iterate() do
     if self.channels:get(key).reference == reference then return true end
   end
   return nil
@@ -815,16 +822,16 @@ end
 --- Takes a Write request. Returns its job, for `write_response`.
 function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
-  local missing = channel.written and behind(self, peer, channel.written)
+  local missing = channel.written_frame and missing_after(self, peer, channel.written_frame)
   local known = not missing or missing.what == "one_direction" -- the request before it
   local reference = known and channel.reference or nil
-  local job = new_job(self, channel, peer, record, message, reference, channel.written)
+  local job = new_job(self, channel, peer, record, message, reference, channel.written_frame)
   local asked, half = channel.asked, record.request
   local count = #asked + 1
   job.uncounted = is_uncounted(self, channel, message.request_reference)
-  job.untold = half.cut and message.request_id == nil and half.frame or nil
+  job.cut_frame = half.cut and message.request_id == nil and half.frame or nil
   asked[count] = job
-  channel.reference, channel.written = message.request_reference, half.frame
+  channel.reference, channel.written_frame = message.request_reference, half.frame
   touch(self, job, "write_request", half)
   self.listener:asked(job)
   if count > self.limits.pending_writes then push_out(self, table.remove(asked, 1), "pending_writes") end
@@ -838,7 +845,7 @@ function Pairing:write_response(job, response, fault)
   local asked = job.record.request
   if job.fetching or job.read_request or job.polls[1] then job.hasty = waits(self, job.peer) end
   if job.hasty and (fault or response and response.status ~= 0) then
-    job.twice = asked and asked.frame
+    job.doubled_frame = asked and asked.frame
     return -- the client got another response before, and the device has executed the call twice
   end
   job.write_response = response
@@ -846,7 +853,7 @@ function Pairing:write_response(job, response, fault)
   job.write_refused = fault or (status ~= nil and status ~= 0)
   if response then
     touch(self, job, "write_response", response)
-    job.untold = is_untold(response) and response.frame or job.untold
+    job.cut_frame = is_cut_before_status(response) and response.frame or job.cut_frame
   end
   if job.phase == "closed" or (status == nil and not fault) then return end
   local channel = self.channels.values[job.channel_key]
@@ -866,7 +873,7 @@ function Pairing:write_unasked(peer, record)
   local half = record.response
   if half == nil then return end
   local channel = channel_of(self, peer, record, half.time_ns)
-  channel.unasked = half.frame
+  channel.unasked_frame = half.frame
   local expiry = tables.limits.call_expiry_ns
   for _, job in ipairs(channel.asked) do
     if half.time_ns - job.record.request.time_ns > expiry then
@@ -874,8 +881,8 @@ function Pairing:write_unasked(peer, record)
     end
   end
   if channel.refused then leave_refused(self, channel) end
-  if half.status ~= 0 and not is_untold(half) then return end
-  channel.unseen = half.frame
+  if half.status ~= 0 and not is_cut_before_status(half) then return end
+  channel.unseen_frame = half.frame
   pass_over(channel)
   forget_last(self, channel)
 end
@@ -899,7 +906,7 @@ local function may_be_newer(channel, job, record)
   local strange = data == "" or kind_fits(job.message, data) == false
   strange = strange or job:reference() ~= data:byte(1) and is_last(channel, half)
   for _, each in ipairs(channel.asked) do
-    local passed = each.passed or is_later(each, record)
+    local passed = each.passed_over or is_later(each, record)
     if each.order > job.order and not passed and (strange or mirrors(each, data)) then return true end
   end
   return false
@@ -936,10 +943,10 @@ local function of_another(self, channel, job, record)
     if refused then -- a record may be older than a start-up
       local begun = self.starts:get(job.peer.device)
       local due = not has_data and begun and begun.frame < (record.request or half).frame
-      since = due and math.max(channel.ended, begun.frame) or channel.ended
+      since = due and math.max(channel.ended_frame, begun.frame) or channel.ended_frame
     end
-    local found = asked_behind(self, job.peer, channel, since)
-    if refused and not fits and has_data then found = found or behind(self, job.peer, 0) end
+    local found = requests_missing_after(self, job.peer, channel, since)
+    if refused and not fits and has_data then found = found or missing_after(self, job.peer, 0) end
     return not (fits and kind_fits(job.message, data) and counts(job, record)) and found or nil
   end
   local rival = job.refused_behind and mirrors(job.refused_behind, data)
@@ -958,14 +965,14 @@ local function of_another(self, channel, job, record)
   end
   local unknown = not (job:write_told() or has_data) -- nobody knows whether its Write was accepted
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
-  local since = over and free_since(self, channel, sought) or asked.frame
-  local found = asked_behind(self, job.peer, channel, since, fits)
+  local since = over and idle_since(self, channel, sought) or asked.frame
+  local found = requests_missing_after(self, job.peer, channel, since, fits)
   if found == nil and job == channel.refused and has_data and not fits then
-    found = behind(self, job.peer, 0) -- it may mirror a request before a Connect
+    found = missing_after(self, job.peer, 0) -- it may mirror a request before a Connect
   end
   if unknown and found then
-    return asked_behind(self, job.peer, channel, asked.frame, fits) or unanswered(job, asked)
-  elseif found == nil or not has_data or channel.unseen > since then
+    return requests_missing_after(self, job.peer, channel, asked.frame, fits) or unanswered(job, asked)
+  elseif found == nil or not has_data or channel.unseen_frame > since then
     return found
   end
   local sure = fits and kind_fits(job.message, data) -- a record that is too short is not sure
@@ -985,7 +992,7 @@ local function nothing(self, peer, channel, record, missing)
   self.listener:nothing_to_read(peer, record, missing)
   if half.status ~= nil and known then
     pass_over(channel)
-    if missing == nil then channel.ended = half.frame end
+    if missing == nil then channel.ended_frame = half.frame end
   end
 end
 
@@ -994,7 +1001,7 @@ function Pairing:read_response(peer, record)
   local half = record.response
   local channel = channel_of(self, peer, record, half.time_ns)
   local event = read_event(half)
-  if event == "read_record" or event == "read_cut" then channel.heard = half.frame end
+  if event == "read_record" or event == "read_cut" then channel.heard_frame = half.frame end
   local job = addressee(channel, event, record)
   local over = job and wrote_behind(channel, job, record)
   if over then
@@ -1029,14 +1036,15 @@ function Pairing:read_response(peer, record)
     return nil
   end
   local last = last_response(self, channel, record)
+  local first = last and (not record.implicit and last.read_request or last.read_response)
   local again = last and is_same(last.read_response, half) and missing == nil
-    and behind(self, peer, (not record.implicit and last.read_request or last.read_response).frame) == nil
+    and missing_after(self, peer, first.frame) == nil
   if again and last.phase ~= "closed" then
     reread(self, channel, last, record)
     return last
   end
   if not (late or event == "read_cut" or is_last(channel, half)) then pass_over(channel) end
-  job = new_job(self, channel, peer, record, nil, nil, channel.written)
+  job = new_job(self, channel, peer, record, nil, nil, channel.written_frame)
   job.phase, job.uncertain = "open", self.forgot_requests or nil
   if again then job.repeats = last.read_response.frame end
   read(self, channel, job, event, record)
@@ -1044,11 +1052,11 @@ function Pairing:read_response(peer, record)
 end
 
 --- The answer to a Read, cut off by the capture before its record: it counts as missing (P73).
-function Pairing:read_untold(peer, record)
+function Pairing:read_cut_before_status(peer, record)
   local job, half = record.job, record.response
   channel_of(self, peer, record, half.time_ns)
   if job and job.phase ~= "closed" then
-    job.untold = half.frame
+    job.cut_frame = half.frame
     touch(self, job, "empty_read", half)
   end
 end
@@ -1061,7 +1069,7 @@ function Pairing:waits_for(peer, record)
   if not asked or not lost or asked.frame > lost.frame then
     return nil -- the Read was sent before the Write of this job
   end
-  if channel.ended > lost.frame then return nil end -- another request was open when the Read was sent
+  if channel.ended_frame > lost.frame then return nil end -- another request was open when the Read was sent
   return job
 end
 

@@ -16,7 +16,7 @@ local parameter = require("ds47.profidrive.parameter")
 local ordered = require("ds47.support.ordered")
 local records = require("ds47.profinet.records")
 
-local half_of, know_peer, is_untold = records.half, records.know_peer, records.is_untold
+local half_of, know_peer, is_cut_before_status = records.half, records.know_peer, records.is_cut_before_status
 local ar_of = records.ar_of_47
 local ALWAYS, SHARED_INDEX = index47s.ALWAYS, index47s.SHARED_INDEX
 local passes = index47s.Index47.passes -- for every record
@@ -82,7 +82,7 @@ local function event_read_asked_late(self, _, record, answer, peer)
 end
 
 local function event_answered_twice(_, _, record)
-  if record.job then record.job.twice = record.request.frame end
+  if record.job then record.job.doubled_frame = record.request.frame end
 end
 
 -- A Read is over, whichever job gets its response.
@@ -107,8 +107,8 @@ local function event_write_unasked(self, _, record, _, peer) self.pairing:write_
 
 local function event_read_answered(self, origin, record, _, peer)
   clock(self, origin, record)
-  if is_untold(record.response) then
-    self.pairing:read_untold(peer, record)
+  if is_cut_before_status(record.response) then
+    self.pairing:read_cut_before_status(peer, record)
     return
   end
   event_read_over(self, origin, record)
@@ -151,7 +151,7 @@ local function pass(self, event, proves, origin, record, detail)
     return false
   end
   local held = {event = event, origin = origin, record = record, detail = detail}
-  local asks = event == event_write_asked and index47:asks(peer.device, place, detail)
+  local asks = event == event_write_asked and index47:is_question_here(peer.device, place, detail)
   if index47:pass_on(ar, held, asks, self) then event(self, origin, record, detail, peer) end
   return true
 end
@@ -246,7 +246,7 @@ function RecordEvents:answered(origin, record)
   if not record.place.write then
     self:_read_answered(origin, record, record.response)
     return
-  elseif is_untold(record.response) then
+  elseif is_cut_before_status(record.response) then
     self:_length(origin, record, record.response)
   end
   pass(self, event_write_answered, nil, origin, record)
@@ -300,7 +300,7 @@ function RecordEvents:_length(origin, record, half)
 end
 
 function RecordEvents:_read_answered(origin, record, half)
-  if half.missing or is_untold(half) then self:_length(origin, record, half) end
+  if half.missing or is_cut_before_status(half) then self:_length(origin, record, half) end
   return pass(self, event_read_answered, proves_by_answer, origin, record)
 end
 

@@ -152,7 +152,7 @@ local function explain(items, meanings, peer)
     local told = naming.explained(item, peer.vendor_id, peer.device_id)
     if told then
       tell(item, told)
-      item.told = told.told
+      item.value_texts = told.value_texts
     end
   end
 end

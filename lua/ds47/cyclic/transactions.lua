@@ -51,7 +51,7 @@ function M.asked(item, operation)
   local asked = flat(item)
   asked.error = nil
   if operation ~= "change" then
-    asked.format, asked.value_count, asked.values, asked.scaled, asked.told = nil, nil, NONE, nil, nil
+    asked.format, asked.value_count, asked.values, asked.scaled, asked.value_texts = nil, nil, NONE, nil, nil
   end
   return asked
 end

@@ -44,8 +44,8 @@ local function old_answer(remarks, job)
     local case = refused and "again_after_refusal" or "again_without_ar"
     put_again(remarks, case, read.frame, job.repeats, refused and refused.frame)
   end
-  if job.again ~= "" and not (job.between and not job.between:write_told()) then
-    put_again(remarks, job.again, job.rereads[1].response.frame, read.frame)
+  if job.reread_cause ~= "" and not (job.between and not job.between:write_told()) then
+    put_again(remarks, job.reread_cause, job.rereads[1].response.frame, read.frame)
   end
 end
 

@@ -29,14 +29,15 @@ local function texts(item, row, vendor_id, device_id)
   return found
 end
 
---- What lists say of a parameter: {unit, described, told} as they are then; nil where they say nothing.
+--- What lists say of a parameter: {unit, described, value_texts} as they are then; nil where they say
+-- nothing.
 -- @param device_id of PROFINET; nil where it is not known
 function M.explained(item, vendor_id, device_id)
   if catalogue == nil or item.pnu == nil then return nil end
   local row, said = catalogue:row(item.pnu, vendor_id, device_id), item.described
-  local told = texts(item, row, vendor_id, device_id)
-  if row == nil and told == nil then return nil end
-  local found = { unit = item.unit, described = said, told = told }
+  local value_texts = texts(item, row, vendor_id, device_id)
+  if row == nil and value_texts == nil then return nil end
+  local found = { unit = item.unit, described = said, value_texts = value_texts }
   if row and said == nil then
     found.unit, found.described = row.unit or item.unit, { name = row.name }
   elseif row and said.name == nil then
@@ -50,7 +51,9 @@ function M.explain(item)
   if catalogue == nil then return end
   for _, each in ipairs(item.parameters) do
     local found = M.explained(each, item.vendor_id)
-    if found then each.unit, each.described, each.told = found.unit, found.described, found.told end
+    if found then
+      each.unit, each.described, each.value_texts = found.unit, found.described, found.value_texts
+    end
   end
 end
 

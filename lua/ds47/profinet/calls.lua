@@ -428,7 +428,7 @@ end
 function CallTracker:passes(pdu) activity_of(self, pdu).numbers:add(pdu) end
 
 --- Takes a fragment that completes no message: its request or response is not entirely missing.
-function CallTracker:begun(pdu)
+function CallTracker:take_fragment(pdu)
   if pdu.ptype == 0 then
     local begun = self.begun_requests
     begun:set(key_of(pdu), true)

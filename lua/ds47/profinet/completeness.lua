@@ -237,7 +237,7 @@ local function hears(pair)
 end
 
 -- What is missing behind a frame by the numbers; `across`: behind any.
-local function hole_behind(activities, since, across)
+local function hole_after(activities, since, across)
   for _, numbers in ipairs(activities) do
     local hole = numbers.holes[#numbers.holes]
     if hole and (across or hole.before > since) then
@@ -262,11 +262,11 @@ end
 -- of this pair.
 -- @param lost  true: a call is open of which only the request is there; nil asks what was told
 -- @param in_order  true: that calls are out of order does not count
-function Completeness:behind(client, server, since, lost, in_order)
+function Completeness:missing_after(client, server, since, lost, in_order)
   local pair = self.pairs:get(key_of(client, server))
   if pair == nil or pair.activities[1] == nil then return {what = "requests"} end
   local across, unasked = since < pair.since, pair.unasked
-  local hole = hole_behind(pair.activities, since, across)
+  local hole = hole_after(pair.activities, since, across)
   if hole then return hole end
   if unasked[1] and (across or unasked[#unasked] > since) then return {what = "requests"} end
   if pair.disorder > 0 and pair.disorder >= since and not in_order then return {what = "halves"} end

@@ -52,7 +52,7 @@ local FIRST_END = NDR + SIZE -- where the first block ends
 local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Release
 
 --- Whether the capture cut this response off before it shows the outcome of the call.
-function M.is_untold(half) return half.cut and not half.missing and (half.status or 0) == 0 end
+function M.is_cut_before_status(half) return half.cut and not half.missing and (half.status or 0) == 0 end
 
 --- The response to a record without a response block: it has the status of the NDR header. If the capture
 -- cut the block of a Write off, only a negative status counts: the block may hold a refusal.

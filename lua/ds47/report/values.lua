@@ -100,7 +100,7 @@ local function signed(item, words, lang)
 end
 
 --- What the values of a parameter mean: an array of texts; nil if there is nothing to add.
--- @param item  a parameter; `told` has the texts for single values from lists of the user
+-- @param item  a parameter; `value_texts` has the texts for single values from lists of the user
 -- @param words the module formatting.lua, which has the language
 function M.parts(item, words, lang)
   local pnu, values, row = item.pnu, item.values, item.listed
@@ -109,11 +109,13 @@ function M.parts(item, words, lang)
   elseif item.error or item.format and item.format:find("^Float") then
     return nil
   end
-  local told = item.told or NONE
+  local told = item.value_texts or NONE
   local found = profile.parts(item, words, lang)
   if found or not are_whole(values) then return found end
   if row and row.buffer then return buffer(row, item.subindex, values, told, words, lang) end
-  if row and row.connects and not item.told then return connection(row.connects, values, words, lang) end
+  if row and row.connects and not item.value_texts then
+    return connection(row.connects, values, words, lang)
+  end
   return texts(row, values, told, words, lang) or signed(item, words, lang)
 end
 

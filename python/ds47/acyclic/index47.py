@@ -75,7 +75,7 @@ class Index47:
         waiting: how many events of one AR, and how many ARs, may wait; the oldest is dropped first.
         waiting_ars: all ARs together may have this many times `waiting` events.
         proven: how many proven ARs to remember; the least recent one is forgotten first.
-        told: gets "questions" when an AR sends a question, and "proven" when that AR is proved.
+        outcomes: gets "questions" when an AR sends a question, and "proven" when that AR is proved.
     """
 
     def __init__(
@@ -84,9 +84,9 @@ class Index47:
         waiting: int,
         waiting_ars: int = 16,
         proven: int = 65_536,
-        told: list[Any] | None = None,
+        outcomes: list[Any] | None = None,
     ) -> None:
-        self._told = [] if told is None else told
+        self._outcomes = [] if outcomes is None else outcomes
         self.always = ALWAYS | extra
         """The indices that are always ours."""
         self.concerned = self.always | {SHARED_INDEX}
@@ -131,7 +131,7 @@ class Index47:
         held, before = self._held[ar], list[Event]()
         if asks and not (held.question or held.stores):
             held.question, before = True, list(held.events)
-            self._told.append(("questions", ar, None))
+            self._outcomes.append(("questions", ar, None))
         goes_on = held.question
         self.follow(ar, event)
         return [*before, event] if goes_on else ()
@@ -199,7 +199,7 @@ class Index47:
         if len(self._sent) > self._waiting:
             self._sent.popitem(last=False)
 
-    def asks(self, device: str, place: Place, request: Request) -> bool:
+    def is_question_here(self, device: str, place: Place, request: Request) -> bool:
         """Whether a Write is a question, and its place is not known as a store."""
         return is_question(request) and self.drives.get((device, place)) is not False
 
@@ -267,6 +267,6 @@ class Index47:
             return ()
         self._events -= len(held.events)
         if held.question:  # they went on already
-            self._told.append(("proven", ar, None))
+            self._outcomes.append(("proven", ar, None))
             return ()
         return held.events

@@ -248,7 +248,7 @@ class Judge:
         half, read = job.write_response, job.polls[0][0] if job.polls else job.read_request
         if half is None or read is None or half.status or half.frame > read.frame or job.rereads:
             job.usual = False
-        job.known = job.usual and self._is_known(job)
+        job.shows_nothing_new = job.usual and self._is_known(job)
         if half is None or not half.status:
             return []
         return [Remark("DS203", half.frame, {"status": status_hex(half.status)}, job=job)]

@@ -19,7 +19,7 @@ from ds47.profibus.stations import LineStations
 from ds47.profinet.completeness import STATION
 
 if TYPE_CHECKING:
-    from ds47.acyclic.pairing import Pairing, Told
+    from ds47.acyclic.pairing import Outcome, Pairing
     from ds47.acyclic.record_events import RecordEvents
     from ds47.capture import Frame
     from ds47.cyclic.channels import CyclicChannels
@@ -36,7 +36,7 @@ class ProfibusLine:
         limits: numbers of spec/limits.toml.
         events: hears of records.
         pairing: hears of stations that start up.
-        queue: gets findings about services, and answered Writes to an index that is not ours.
+        outcomes: gets findings about services, and answered Writes to an index that is not ours.
         cyclic: takes PPOs.
         ppos: station address -> number of its PPO, for captures without Chk_Cfg.
     """
@@ -46,14 +46,14 @@ class ProfibusLine:
         limits: Limits,
         events: RecordEvents,
         pairing: Pairing,
-        queue: list[Told],
+        outcomes: list[Outcome],
         cyclic: CyclicChannels,
         ppos: dict[int, int],
     ) -> None:
         self._judge = LineJudge(limits)
         self._stations = LineStations(self._judge.heard)
         idents = Idents()
-        self._ms1 = Ms1Calls(events, queue, self._judge, idents)
+        self._ms1 = Ms1Calls(events, outcomes, self._judge, idents)
         self._services = ServiceTracker()
         self._start_ups = StartUps(pairing.started)
         ppo = PpoFeed(cyclic, ppos, idents)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import ClassVar
 
-from ds47.acyclic.pairing import Moment, Told
+from ds47.acyclic.pairing import Moment, Outcome
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.services import Became, ServiceCall
 from ds47.findings.remark import Remark
@@ -28,7 +28,7 @@ class Ms1Calls:
 
     Args:
         events: hears of every record that may be ours.
-        queue: gets what is wrong with a request, and answered Writes that cannot be ours, or have no request.
+        outcomes: gets what is wrong with a request, and answered Writes that cannot be ours, or have no request.
         judge: hears of polls, and of refused services that are not ours.
         idents: knows the makers of stations.
     """
@@ -36,13 +36,13 @@ class Ms1Calls:
     def __init__(
         self,
         events: RecordEvents,
-        queue: list[Told],
+        outcomes: list[Outcome],
         judge: LineJudge,
         idents: Idents,
     ) -> None:
         self._events = events
         self._idents = idents
-        self._queue = queue
+        self._outcomes = outcomes
         self._judge = judge
         self._written: dict[tuple[str, int], int] = {}
         """Station and index -> the frame of the first Write."""
@@ -70,7 +70,7 @@ class Ms1Calls:
     def _whose(self, call: ServiceCall) -> Record:
         """The record of a call, now with its peer."""
         who = peer(call.master, call.station, self._idents.family(call.station))
-        call.record = call.record.of(who, ours=call.record.index in self._events.concerned)
+        call.record = call.record.of(who, may_be_ours=call.record.index in self._events.concerned)
         return call.record
 
     def _asked(self, call: ServiceCall) -> None:
@@ -78,7 +78,7 @@ class Ms1Calls:
         if record.write:
             self._writing(record)
         self._events.requests[record.index, record.write] += 1
-        if record.ours:
+        if record.may_be_ours:
             self._open[call] = record
             self._events.asked(record, None)
 
@@ -89,7 +89,7 @@ class Ms1Calls:
         self._written.setdefault((device, record.index), half.frame)
         if half.stated > MOST_DATA:
             args = {"device": device, "length": half.stated, "most": MOST_DATA}
-            self._queue.append(("remark", Remark("DS809", half.frame, args), None))
+            self._outcomes.append(("remark", Remark("DS809", half.frame, args), None))
 
     def _judged(self, call: ServiceCall, ours: bool) -> None:
         """Tells the judge how long the answer took, and of a refusal that is not ours."""
@@ -108,7 +108,7 @@ class Ms1Calls:
         if record is not None:
             self._events.answered(record, None)
         elif call.record.write:
-            self._queue.append(("foreign", self._whose(call), None))
+            self._outcomes.append(("foreign", self._whose(call), None))
 
     def _failed(self, call: ServiceCall) -> None:
         record, half = self._open.pop(call, None), call.record.response
@@ -128,8 +128,8 @@ class Ms1Calls:
     def _unasked(self, call: ServiceCall) -> None:
         record = self._whose(call)
         if call.record.write:
-            self._queue.append(("foreign", record, None))
-        if record.ours:
+            self._outcomes.append(("foreign", record, None))
+        if record.may_be_ours:
             self._events.unasked(record, None)
 
 

@@ -2,7 +2,7 @@
 
 A job is a transaction in the making. Its life is the table `spec/pairing.toml`. This module only decides which
 job a record call belongs to. It decodes nothing and judges nothing: it appends the outcome of each job to a
-list (`Told`), and the caller processes that list.
+list (`Outcome`), and the caller processes that list.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Job:
     """Whether the response cannot belong to the request. The judge sets it,"""
     usual: bool
     """and this: a complete response that succeeded, and no finding about it."""
-    known: bool
+    shows_nothing_new: bool
     """Whether it shows nothing new apart from its values."""
     previous_reference: int | None
     previous: int | None
@@ -98,7 +98,7 @@ class Job:
     """A newer Write that was refused before the first Read: the Read may be for that one."""
     repeats: int | None
     """Frame of an earlier response that came again instead of a new one."""
-    again: str
+    reread_cause: str
     """What led to the first re-read: a key of diagnoses.toml."""
     between: Job | None
     """The unanswered Write before the first re-read: the re-read may be for that Write."""
@@ -108,13 +108,13 @@ class Job:
     """Its Reads that have no response yet."""
     read_before: bool
     """Whether a missing or incomplete Read may have fetched the response earlier."""
-    twice: int
+    doubled_frame: int
     """Frame of one of its calls with two responses: the client may have got either. 0 for none."""
     hasty: bool
     """Whether its Read came before its Write response, although its client usually waits for each response."""
-    untold: int
+    cut_frame: int
     """Frame that the capture cut off before the request, or the outcome of a call, is known; 0 for none."""
-    written_again: int
+    rewritten_frame: int
     """Frame of an accepted Write with the same request, sent while this one had no response; 0 for none."""
     crossed: tuple[int, int] | None
     """Frames of two Writes, including this one, with their responses in reverse order (P27)."""
@@ -122,7 +122,7 @@ class Job:
     """What the capture lacks, so that nobody knows the outcome."""
     limit: str
     """Name of the limit that pushed it out (spec/limits.toml): a response may still come. "" for none."""
-    passed: bool
+    passed_over: bool
     """Whether it turned out, while this Write waited for its response, that no request is open (P28)."""
     contested: bool
     """Whether a record that went to an older request may be the response to this one (P72)."""
@@ -165,7 +165,7 @@ class Job:
         self.rereads = [] if rereads is None else rereads
         self.empty_reads = [] if empty_reads is None else empty_reads
         self.response = response
-        self.stray = self.usual = self.known = False
+        self.stray = self.usual = self.shows_nothing_new = False
         self.previous_reference = previous_reference
         self.previous = previous
         self.uncounted = False
@@ -176,16 +176,16 @@ class Job:
         self.rival = self.refused_behind = None
         self.alone = self.hasty = False
         self.repeats = None
-        self.again = ""
+        self.reread_cause = ""
         self.between = None
         self.ended = None
         self.fetching = []
         self.read_before = False
-        self.twice = self.untold = self.written_again = 0
+        self.doubled_frame = self.cut_frame = self.rewritten_frame = 0
         self.crossed = None
         self.missing = None
         self.limit = ""
-        self.passed = False
+        self.passed_over = False
         self.contested = False
         self.over, self.certain = False, True
         self.meanings = ()
@@ -207,7 +207,7 @@ class Job:
     @property
     def write_told(self) -> bool:
         """Whether the capture shows the answer to the Write."""
-        return self.write_response is not None and not self.write_response.untold
+        return self.write_response is not None and not self.write_response.cut_before_status
 
     @property
     def not_ready(self) -> list[tuple[Half | None, Half]]:
@@ -233,17 +233,17 @@ class Channel(Plain):
     refused: Job | None
     last: Job | None
     reference: int | None
-    written: int | None
+    written_frame: int | None
     """The frame of the newest Write; `reference` is its request reference."""
     accepted: int
     """The `Job.order` of the newest accepted Write."""
-    heard: int
+    heard_frame: int
     """The frame of the newest record that was read; 0 for none."""
-    unasked: int
+    unasked_frame: int
     """The frame of the newest Write response without a captured request; 0 for none."""
-    unseen: int
+    unseen_frame: int
     """The same, but only for an accepted Write: it displaced what was open."""
-    ended: int
+    ended_frame: int
     """The frame of the newest Read response that ended a known request, or found none open; 0 for neither."""
 
     def __init__(
@@ -262,21 +262,21 @@ class Channel(Plain):
         self.refused = refused
         self.last = last
         self.reference = reference
-        self.written = None
+        self.written_frame = None
         self.accepted = 0
-        self.heard = 0
-        self.unasked = self.unseen = 0
-        self.ended = 0
+        self.heard_frame = 0
+        self.unasked_frame = self.unseen_frame = 0
+        self.ended_frame = 0
 
     def pass_over(self) -> None:
         """No request is open: a Read no longer counts as the answer to a Write that waits for its response."""
         for job in self.asked:
-            job.passed = True
+            job.passed_over = True
 
     def waiting(self) -> Job | None:
         """The newest unanswered Write, if a Read may be for it: no later one was accepted."""
         newest = self.asked[-1] if self.asked else None
-        if newest is None or newest.passed:
+        if newest is None or newest.passed_over:
             return None
         return newest if newest.order > self.accepted else None
 
@@ -293,7 +293,7 @@ What = Literal[
     "asked", "refused", "answered", "closed", "nothing", "connected", "remark", "foreign", "set_up",
     "questions", "proven", "no_drive",
 ]  # fmt: skip
-Told = tuple[What, Any, Any]
+Outcome = tuple[What, Any, Any]
 """What happened, its subject, and one more object; in the order of the capture:
 
     asked       a job: its Write asks for a change
@@ -316,19 +316,19 @@ class Pairing:
 
     Args:
         limits: the numbers of spec/limits.toml.
-        told: gets the outcomes of jobs.
+        outcomes: gets what happened to jobs.
         completeness: knows what the capture lacks; None: it lacks nothing.
     """
 
     def __init__(
-        self, limits: Limits, told: list[Told], completeness: Completeness | None = None
+        self, limits: Limits, outcomes: list[Outcome], completeness: Completeness | None = None
     ) -> None:
         self._limits = limits
         self._completeness = completeness
-        self._behind: Callable[..., Missing | None] = (
-            completeness.behind if completeness is not None else lambda *_, **__: None
+        self._missing_after: Callable[..., Missing | None] = (
+            completeness.missing_after if completeness is not None else lambda *_, **__: None
         )
-        self._told = told
+        self._outcomes = outcomes
         self._table = phases()
         self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
@@ -362,19 +362,19 @@ class Pairing:
         self._count += 1
         job = Job(record, message, order=self._count)
         if asked.cut and message.request_id is None:
-            job.untold = asked.frame
-        before = job.previous = channel.written
-        missing = None if before is None else self._behind(record.peer, before)
+            job.cut_frame = asked.frame
+        before = job.previous = channel.written_frame
+        missing = None if before is None else self._missing_after(record.peer, before)
         if missing is None or missing.what == "one_direction":
             job.previous_reference = channel.reference
         if before is None:
             others = self._of_ar[record.relation]
             last = (self.channels[each].reference for each in others)
             job.uncounted = message.request_reference in last
-        channel.reference, channel.written = message.request_reference, asked.frame
+        channel.reference, channel.written_frame = message.request_reference, asked.frame
         channel.asked.append(job)
         if message.operation == "change":
-            self._told.append(("asked", job, None))
+            self._outcomes.append(("asked", job, None))
         if len(channel.asked) > self._limits.pending_writes:
             self._push_out(channel.asked.pop(0), "pending_writes")
         return job
@@ -384,12 +384,12 @@ class Pairing:
         if job.polls or job.fetching or job.read_request:
             job.hasty = self._waits(job.peer)
         if job.hasty and (fault or (response is not None and response.status)):
-            job.twice = job.write_request.frame if job.write_request else 0
+            job.doubled_frame = job.write_request.frame if job.write_request else 0
             return  # the client got another response before, and the device has executed the call twice
         status = response.status if response else None
         job.write_response, job.write_refused = response, fault or bool(status)
-        if response is not None and response.cut and response.untold:
-            job.untold = response.frame
+        if response is not None and response.cut and response.cut_before_status:
+            job.cut_frame = response.frame
         if job.phase == "closed" or (status is None and not fault):
             return
         channel = self.channels.get(job.key)
@@ -403,7 +403,7 @@ class Pairing:
         else:
             self._refuse(channel, job)
             if job.phase == "refused":
-                self._told.append(("refused", job, None))
+                self._outcomes.append(("refused", job, None))
 
     def _waits(self, peer: Peer) -> bool:
         """Whether the client usually waits, so that a response after its next call is a second copy."""
@@ -420,24 +420,24 @@ class Pairing:
         if half is None:
             return
         channel = self._channel(record, half.time_ns)
-        channel.unasked = half.frame
+        channel.unasked_frame = half.frame
         given_up = half.time_ns - self._limits.call_expiry_ns
         asked = (job.record.request for job in channel.asked)
         if any(each is not None and each.time_ns < given_up for each in asked):
             return  # the request is in the capture, but its call was given up before
         if channel.refused is not None:
-            self._lose(channel.refused, "")
+            self._close(channel.refused, "")
             channel.refused = None
-        if half.status != 0 and not half.untold:
+        if half.status != 0 and not half.cut_before_status:
             return
-        channel.unseen = half.frame
+        channel.unseen_frame = half.frame
         channel.pass_over()
         self._forget_last(channel)
 
     def _forget_last(self, channel: Channel) -> None:
         """Closes the last answered job: a missing one came after it, or the next record may be for either."""
         if channel.last is not None:
-            self._lose(channel.last, "")
+            self._close(channel.last, "")
             channel.last = None
 
     def read_response(self, record: Record) -> Job | None:
@@ -448,7 +448,7 @@ class Pairing:
         channel = self._channel(record, half.time_ns)
         event = _read_event(half)
         if event in ("read_record", "read_cut"):
-            channel.heard = half.frame
+            channel.heard_frame = half.frame
         job = self._addressee(channel, event, record)
         if job is not None and channel.refused is not None:
             job = self._sought(channel, job, event, record)
@@ -497,15 +497,15 @@ class Pairing:
             return None
         asked = None if record.implicit else read.read_request
         since = (asked or first).frame  # frames may be out of order
-        return first if self._behind(record.peer, since) is None else None
+        return first if self._missing_after(record.peer, since) is None else None
 
-    def read_untold(self, record: Record) -> None:
+    def read_cut_before_status(self, record: Record) -> None:
         """The answer to a Read, cut off by the capture before its record: it counts as missing (P73)."""
         job, half = record.job, record.response
         assert half is not None
         self._channel(record, half.time_ns)
         if job is not None and not job.over:
-            job.untold = half.frame
+            job.cut_frame = half.frame
 
     def _leave_refused(self, channel: Channel, job: Job | None) -> None:
         """The Read was not for the refused Write: no later Read is either."""
@@ -514,13 +514,13 @@ class Pairing:
             return
         if job is not None and refused.order > job.order:
             job.refused_behind = refused
-        self._lose(refused, "")
+        self._close(refused, "")
         channel.refused = None
 
     def _orphan(self, record: Record, channel: Channel, repeats: int | None) -> Job:
         """A record without a known request; `repeats`: the frame that had its bytes before."""
         job = Job(record, None, order=self.number())
-        job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
+        job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written_frame
         job.repeats = repeats
         half = record.response
         assert half is not None
@@ -531,7 +531,7 @@ class Pairing:
 
     def may_lack(self, peer: Peer, frame: int) -> bool:
         """Whether a call of a controller to a device may be missing after a frame."""
-        return self._behind(peer, frame) is not None
+        return self._missing_after(peer, frame) is not None
 
     def _lacks(self, job: Job, reason: str) -> Missing | None:
         """What the capture lacks, so that nobody knows whether the response of a job came."""
@@ -549,18 +549,18 @@ class Pairing:
     def _lacks_calls(self, job: Job, asked: Half) -> Missing | None:
         """Which call of a job, or which half of one, may be missing. PROFIBUS has no calls."""
         if job.peer.station is not None:
-            return self._behind(job.peer, asked.frame)
-        if job.written_again:
-            return Missing("written_again", asked.frame, job.written_again)
+            return self._missing_after(job.peer, asked.frame)
+        if job.rewritten_frame:
+            return Missing("written_again", asked.frame, job.rewritten_frame)
         if job.crossed:
             return Missing("crossed", *job.crossed)
-        if job.twice:
-            return Missing("twice", job.twice)
-        if job.untold:
-            return Missing("cut_off", job.untold)
+        if job.doubled_frame:
+            return Missing("twice", job.doubled_frame)
+        if job.cut_frame:
+            return Missing("cut_off", job.cut_frame)
         if job.fetching and not job.limit:
             return Missing("read_answer", job.fetching[0].frame)
-        found = self._behind(job.peer, asked.frame)
+        found = self._missing_after(job.peer, asked.frame)
         if found is None and not job.limit and not job.write_told:
             return _unanswered(job, asked)
         return found
@@ -603,14 +603,14 @@ class Pairing:
         unknown = not (half.data or job.write_told)  # nobody knows whether its Write was accepted
         since = asked.frame
         if (unknown or job is channel.refused) and half.status != STATUS_SHORT:
-            since = self._free_since(job.key, channel, record.request or half)
-        found = self._asked_behind(job.peer, channel, since, ordered=fits)
+            since = self._idle_since(job.key, channel, record.request or half)
+        found = self._requests_missing_after(job.peer, channel, since, ordered=fits)
         if found is None and job is channel.refused and half.data and not fits:
-            found = self._behind(job.peer, 0)  # it may mirror a request before a Connect
+            found = self._missing_after(job.peer, 0)  # it may mirror a request before a Connect
         if unknown and found is not None:  # at least its own Write response is missing
-            behind = self._asked_behind(job.peer, channel, asked.frame, ordered=fits)
-            return behind or _unanswered(job, asked)
-        if found is None or not half.data or channel.unseen > since:
+            lacks = self._requests_missing_after(job.peer, channel, asked.frame, ordered=fits)
+            return lacks or _unanswered(job, asked)
+        if found is None or not half.data or channel.unseen_frame > since:
             return found
         # A record that is too short for its kind is not sure.
         sure = fits and _is_of_kind(job, half) is True
@@ -627,12 +627,12 @@ class Pairing:
         if refused:  # a record may be older than a start-up
             begun = self._started.get(job.peer.device, _NEVER).frame
             sought = record.request or half
-            since = channel.ended
+            since = channel.ended_frame
             if not half.data and since < begun < sought.frame:
                 since = begun
-        found = self._asked_behind(job.peer, channel, since)
+        found = self._requests_missing_after(job.peer, channel, since)
         if found is None and refused and half.data and not fits:
-            found = self._behind(job.peer, 0)
+            found = self._missing_after(job.peer, 0)
         sure = fits and _is_of_kind(job, half) is True
         return None if sure and _counts(job, record) else found
 
@@ -646,23 +646,23 @@ class Pairing:
             channel.asked.remove(job)
         if job.read_response is None and not job.write_refused:
             job.missing = missing
-        self._lose(job, "")
+        self._close(job, "")
 
-    def _free_since(self, key: ChannelKey, channel: Channel, read: Half) -> int:
+    def _idle_since(self, key: ChannelKey, channel: Channel, read: Half) -> int:
         """The newest frame before a Read at which nothing was open on a channel; 0 if none is known.
 
         The newest Connect may be after the Read, if the AR proves itself late. It does not count then.
         """
         connect = self._connects.get(key[:3], _NEVER)
-        return max(channel.ended, connect.frame if connect.frame < read.frame else 0)
+        return max(channel.ended_frame, connect.frame if connect.frame < read.frame else 0)
 
-    def _asked_behind(
+    def _requests_missing_after(
         self, peer: Peer, channel: Channel, since: int, *, ordered: bool = False
     ) -> Missing | None:
         """What may be missing of the requests on a channel after a frame; 0: from before the capture."""
-        if channel.unseen > since:
+        if channel.unseen_frame > since:
             return Missing("requests")
-        return self._behind(peer, since, ordered=ordered) if since else Missing("begins")
+        return self._missing_after(peer, since, ordered=ordered) if since else Missing("begins")
 
     def _nothing(self, record: Record, channel: Channel, missing: Missing | None) -> None:
         """A Read that brought nothing, while no request is known to be open."""
@@ -675,11 +675,11 @@ class Pairing:
             missing = self._may_be_open(
                 record.peer, record.channel, channel, record.request or half
             )
-        self._told.append(("nothing", record, missing))
+        self._outcomes.append(("nothing", record, missing))
         if half.status is not None and known:
             channel.pass_over()
             if missing is None:
-                channel.ended = half.frame
+                channel.ended_frame = half.frame
 
     def _may_be_open(
         self, peer: Peer, key: ChannelKey, channel: Channel, half: Half
@@ -688,9 +688,9 @@ class Pairing:
 
         A program goes on reading after a Connect what it asked for before.
         """
-        since = channel.ended or self._free_since(key, channel, half)
-        missing = self._asked_behind(peer, channel, since)
-        if missing is None and self._newest_unseen(key) > channel.ended:
+        since = channel.ended_frame or self._idle_since(key, channel, half)
+        missing = self._requests_missing_after(peer, channel, since)
+        if missing is None and self._newest_unseen(key) > channel.ended_frame:
             return Missing("requests")
         return missing
 
@@ -698,7 +698,8 @@ class Pairing:
         """The newest accepted Write to a place without its request, for any controller and AR: its frame."""
         keys = reversed(self._of_place.get(_spot(key), {}))
         return max(
-            (self.channels[each].unseen for each in islice(keys, self._limits.users)), default=0
+            (self.channels[each].unseen_frame for each in islice(keys, self._limits.users)),
+            default=0,
         )
 
     def is_again(self, record: Record) -> bool:
@@ -730,10 +731,10 @@ class Pairing:
         if not job.rereads and not _was_open(channel, record.request):
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
-            written = max(channel.written or 0, channel.unasked)
-            job.again = "again_unaccepted" if written > read else "again"
+            written = max(channel.written_frame or 0, channel.unasked_frame)
+            job.reread_cause = "again_unaccepted" if written > read else "again"
             if record.implicit:
-                job.again = "again_without_ar"
+                job.reread_cause = "again_without_ar"
         self._keep(job.rereads, (record.request, record.response))
 
     def read_request(self, record: Record) -> None:
@@ -760,7 +761,7 @@ class Pairing:
         asked = job.write_request if job is not None else None
         if job is None or asked is None or asked.frame > read.frame:
             return None  # the Read was sent before the Write of this job
-        if channel.ended > read.frame:
+        if channel.ended_frame > read.frame:
             return None  # another request was open when the Read was sent
         if job.read_request is None:
             job.read_request = read
@@ -810,12 +811,12 @@ class Pairing:
             if only:
                 self._replace(controller, device, ar, at)
                 self._put(self._connected, (controller, device), ar)
-        self._told.append(("connected", device, at.frame))
+        self._outcomes.append(("connected", device, at.frame))
 
     def started(self, station: str, at: Moment) -> None:
         """A PROFIBUS station got its parameters: it may have been switched off before."""
         self._put(self._started, station, at)
-        self._told.append(("connected", station, at.frame))
+        self._outcomes.append(("connected", station, at.frame))
 
     def _replace(self, controller: str, device: str, ar: bytes, at: Moment) -> None:
         before = self._connected.get((controller, device))
@@ -888,7 +889,7 @@ class Pairing:
             if channel.open is not None:
                 self._displace(channel, channel.open, job)
             if channel.refused is not None:
-                self._lose(channel.refused, "")
+                self._close(channel.refused, "")
                 channel.refused = None
             channel.open = job
         job.phase = self._table[job.phase]["write_accepted"]
@@ -903,7 +904,7 @@ class Pairing:
             job.fetching = [read for read in job.fetching if read.frame < asked.frame]
         self._refused_at_last(job)
         if job.read_response is not None or self._connected_since(job, asked) is not None:
-            self._lose(job, _may_be_displaced(channel).get(job.order, "release"))
+            self._close(job, _may_be_displaced(channel).get(job.order, "release"))
             return
         job.missing = self._lacks(job, "")
         if job.missing is None:
@@ -948,10 +949,12 @@ class Pairing:
         asked, came = found.write_request, job.write_request
         if not (asked and came):
             return None
-        if any(self._behind(peer, asked.frame) is not None for peer in (found.peer, job.peer)):
+        if any(
+            self._missing_after(peer, asked.frame) is not None for peer in (found.peer, job.peer)
+        ):
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
-        sure = found.write_told and not (fetched or found.twice)
+        sure = found.write_told and not (fetched or found.doubled_frame)
         return found if sure or asked.frame > came.frame else None
 
     def _refuse(self, channel: Channel, job: Job) -> None:
@@ -961,7 +964,7 @@ class Pairing:
             held = self._held(job)
             job.rival = held and self._rival(held, job)
             asked = job.write_request or half
-            free = held is None and channel.ended < asked.frame
+            free = held is None and channel.ended_frame < asked.frame
             job.alone = free and self._may_be_open(job.peer, job.key, channel, asked) is None
         job.phase = self._table[job.phase]["write_refused"]
         if before == "answered":
@@ -971,7 +974,7 @@ class Pairing:
         else:
             channel.open = None
         if channel.refused is not None:
-            self._lose(channel.refused, "")
+            self._close(channel.refused, "")
         channel.refused = job
 
     def _addressee(self, channel: Channel, event: str, record: Record) -> Job | None:
@@ -982,7 +985,7 @@ class Pairing:
             mirrored = [
                 job for job in reversed(channel.asked)
                 if job.reference == reference
-                and not (job.passed or _is_later(job, record))
+                and not (job.passed_over or _is_later(job, record))
                 and _may_be(channel, job, record.response)
             ]  # fmt: skip
             half = record.response
@@ -1039,16 +1042,16 @@ class Pairing:
         job.read_request, job.read_response = read, half
         job.read_before = bool(job.polls or job.fetching) and self._may_be_read(job)
         if job.message is not None:  # anything may be missing before an orphan
-            channel.ended = half.frame
+            channel.ended_frame = half.frame
             if half.cut and _is_headless(half) and not job.write_refused:
                 job.missing = Missing("cut_off", half.frame)
         if channel.open is job:
             channel.open = None
         if channel.refused is job:
             channel.refused = None
-        self._told.append(("answered", job, None))
+        self._outcomes.append(("answered", job, None))
         if not half.data:
-            self._lose(job, "")
+            self._close(job, "")
             if not job.write_refused:
                 self._forget_last(channel)  # the next record may be for either
             return
@@ -1066,7 +1069,7 @@ class Pairing:
         asked = job.write_request
         if asked is None:
             return False
-        return bool(job.fetching) or self._behind(job.peer, asked.frame) is not None
+        return bool(job.fetching) or self._missing_after(job.peer, asked.frame) is not None
 
     def _compare(self, last: Job | None, job: Job, half: Half) -> None:
         """Whether the answer to a refused request repeats the last one.
@@ -1075,7 +1078,7 @@ class Pairing:
         """
         if last is None or last.read_response is None or not _is_same(last.read_response, half):
             return
-        if self._behind(job.peer, last.read_response.frame) is None:
+        if self._missing_after(job.peer, last.read_response.frame) is None:
             job.repeats = last.read_response.frame
 
     def _keep(self, reads: list[_T], read: _T) -> None:
@@ -1084,7 +1087,7 @@ class Pairing:
             reads.pop()
         reads.append(read)
 
-    def _lose(self, job: Job, reason: str) -> None:
+    def _close(self, job: Job, reason: str) -> None:
         """Closes a job: nothing more comes."""
         if job.polls and job.missing is None:
             self._refused_at_last(job)
@@ -1121,13 +1124,13 @@ class Pairing:
         if job.missing is not None and job.fetching and job.read_request is None:
             job.read_request = job.fetching[0]
         job.phase = self._table[job.phase][event]
-        self._told.append(("closed", job, None))
+        self._outcomes.append(("closed", job, None))
 
     def _push_out(self, job: Job, limit: str) -> None:
         """A limit closes a job: its response may still come."""
         if job.read_response is None and not job.write_refused:
             job.limit, self._pushed_out = limit, True
-        self._lose(job, "")
+        self._close(job, "")
 
     def _close_channel(
         self, key: ChannelKey, reason: str, at: Moment | None = None, limit: str = ""
@@ -1141,7 +1144,7 @@ class Pairing:
                 self._push_out(job, limit)
                 continue
             job.ended = at and at.frame
-            self._lose(job, why.get(job.order, reason))
+            self._close(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
 
@@ -1158,7 +1161,7 @@ def _written_again(channel: Channel, job: Job) -> None:
     for each in channel.asked:
         before = each.write_request
         if each.order < job.order and before and by and before.data == by.data:
-            each.written_again = by.frame
+            each.rewritten_frame = by.frame
 
 
 def _cross(channel: Channel, job: Job) -> bool:
@@ -1195,7 +1198,7 @@ def _at_the_end(channel: Channel) -> dict[int, str]:
     if newest is None:
         return why
     asked = newest.record.request
-    if newest.order < channel.accepted or (asked is not None and channel.heard > asked.frame):
+    if newest.order < channel.accepted or (asked is not None and channel.heard_frame > asked.frame):
         why[newest.order] = "unseen"
     return why | _may_be_displaced(channel)
 
@@ -1221,7 +1224,7 @@ def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
         return opened  # the last answer again
     newer = [
         job for job in reversed(channel.asked)
-        if job.order > opened.order and not job.passed and (job.reference == half.data[0]) is mirrored
+        if job.order > opened.order and not job.passed_over and (job.reference == half.data[0]) is mirrored
     ]  # fmt: skip
     of_opened = _is_of_kind(opened, half)
     for job in newer if of_opened is False else ():
@@ -1296,7 +1299,7 @@ def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
     strange = strange or (job.reference != half.data[0] and _is_last(channel, half))
     return any(
         each.order > job.order
-        and not (each.passed or _is_later(each, record))
+        and not (each.passed_over or _is_later(each, record))
         and (strange or _mirrors(each, half))
         for each in channel.asked
     )

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, Final
 
-from ds47.acyclic.pairing import Moment, Pairing, Told
+from ds47.acyclic.pairing import Moment, Outcome, Pairing
 from ds47.acyclic.record_events import RecordEvents
 from ds47.findings.remark import Remark
 from ds47.profinet import rpc
@@ -51,7 +51,7 @@ class RecordCalls:
     Args:
         events: hears of every record that may be ours.
         pairing: hears when a connection begins.
-        told: gets the transport findings, foreign Writes, and what a Connect sets up.
+        outcomes: gets the transport findings, foreign Writes, and what a Connect sets up.
         completeness: hears of calls with an unknown place, because the capture cut them.
         limits: the numbers of spec/limits.toml.
         stations: learns the names of devices.
@@ -62,7 +62,7 @@ class RecordCalls:
         self,
         events: RecordEvents,
         pairing: Pairing,
-        told: list[Told],
+        outcomes: list[Outcome],
         completeness: Completeness,
         limits: Limits,
         stations: Stations,
@@ -75,7 +75,7 @@ class RecordCalls:
         self._events = events
         self._concerned = events.concerned
         self._pairing = pairing
-        self._told = told
+        self._outcomes = outcomes
         self._completeness = completeness
         self._forgot_requests = False
         """Whether a limit pushed out a request, so that its response may still come."""
@@ -85,7 +85,7 @@ class RecordCalls:
         """Frame -> DS102, for the newest responses without a request."""
         self._connections: dict[tuple[str, str], rpc.Pdu] = {}
         """Client and server -> the request that begins or ends an AR, until its response or their next request."""
-        self.takes: dict[What, Callable[[Any, Any], None]] = {
+        self.handlers: dict[What, Callable[[Any, Any], None]] = {
             "asked": self._asked, "answered": self._answered, "failed": self._failed,
             "again": self._again, "late": self._late, "twice": self._twice,
             "unasked": lambda _, pdu: self._unasked(pdu, certain=True),
@@ -104,7 +104,7 @@ class RecordCalls:
             if name in _OF_REQUESTS and self._newest < frame:
                 continue
             args = {"limit": name, "most": getattr(self._limits, name), "count": count}
-            self._told.append(("remark", Remark("DS109", frame, args), None))
+            self._outcomes.append(("remark", Remark("DS109", frame, args), None))
 
     def incomplete(self, given_up: rpc.GivenUp, kind: str, call: RpcCall | None = None) -> None:
         """A message was given up before all its fragments were there.
@@ -115,7 +115,7 @@ class RecordCalls:
             call: the call that it answers, if known.
         """
         pdu, have, limit = given_up
-        asked = next((each for each in call.context if each.ours), None) if call else None
+        asked = next((each for each in call.context if each.may_be_ours), None) if call else None
         record = self._first_record(pdu) or asked
         if record is None:
             return
@@ -137,7 +137,7 @@ class RecordCalls:
             records = parse_request(pdu, peer, self._concerned)[0]
         else:
             records = parse_response(pdu, peer, self._concerned)[1]
-        return records[0] if records and records[0].ours else None
+        return records[0] if records and records[0].may_be_ours else None
 
     # Requests
 
@@ -157,7 +157,7 @@ class RecordCalls:
             events.requests[record.index, record.write] += 1
             if self._pairing.replaced:
                 self._pairing.goes_on(*record.relation)
-            if record.ours:
+            if record.may_be_ours:
                 events.asked(record, pdu.cut)
 
     def _several(self, pdu: rpc.Pdu, records: list[Record], multiple: bool) -> None:
@@ -167,7 +167,7 @@ class RecordCalls:
         if multiple:
             self._events.requests[RECORD_WRITE_MULTIPLE, True] += 1
         if any(each.index == RECORD_WRITE_MULTIPLE for each in records):
-            self._told.append(("remark", Remark("DS208", pdu.frame), None))
+            self._outcomes.append(("remark", Remark("DS208", pdu.frame), None))
 
     def _late(self, call: RpcCall, answer: rpc.Pdu) -> None:
         """The request came after its response, which was already reported as one without a request."""
@@ -179,7 +179,7 @@ class RecordCalls:
         peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
         answers = parse_response(answer, peer, self._concerned)[1]
         for record in answers:
-            if record.ours:
+            if record.may_be_ours:
                 self._events.not_unasked(record)
         if pdu.opnum not in (RPC_READ, RPC_READ_IMPLICIT) or not answers:
             self._asked(call, pdu)
@@ -187,7 +187,7 @@ class RecordCalls:
             return
         for record in parse_request(pdu, peer, self._concerned)[0]:
             self._events.requests[record.index, False] += 1
-            if record.ours:
+            if record.may_be_ours:
                 self._events.asked_late(record, answer.frame)
 
     def _again(self, call: RpcCall, pdu: rpc.Pdu) -> None:
@@ -196,7 +196,7 @@ class RecordCalls:
         self._about_call(call, Remark("DS103", pdu.frame, args))
 
     def _lost(self, call: RpcCall, _: None) -> None:
-        pdu, first = call.request, next((each for each in call.context if each.ours), None)
+        pdu, first = call.request, next((each for each in call.context if each.may_be_ours), None)
         if pdu is not None and first is not None:
             if call.limit:
                 self._forgot_requests = True
@@ -205,7 +205,7 @@ class RecordCalls:
                 args = {"operation": OPERATIONS[call.opnum]}
                 self._events.pass_on(first, "about", Remark("DS101", pdu.frame, args))
         for record in call.context:
-            if record.ours and not record.write:
+            if record.may_be_ours and not record.write:
                 self._events.pass_on(record, "read_lost")
 
     def _wait(self, pdu: rpc.Pdu) -> None:
@@ -248,19 +248,19 @@ class RecordCalls:
         if pdu.opnum not in OPERATIONS:
             self._goes_on(pdu)
             if call.opnum == RPC_CONNECT and call.request is not None:
-                self._told.append(("set_up", call.request, pdu))
+                self._outcomes.append(("set_up", call.request, pdu))
         if not call.context:
             return
         status, answers = parse_answers(pdu)
         for number, record in enumerate(call.context):
-            ours = record.ours
-            if not ours and not record.write:
+            may_be_ours = record.may_be_ours
+            if not may_be_ours and not record.write:
                 continue
             there = number < len(answers)
             half = answers[number][0] if there else without_block(pdu, status, write=record.write)
             record.response = half
-            if not ours:
-                self._told.append(("foreign", record, None))
+            if not may_be_ours:
+                self._outcomes.append(("foreign", record, None))
                 continue
             self._newest = pdu.frame
             if half.status is None and not half.cut:
@@ -278,7 +278,7 @@ class RecordCalls:
         if not records:
             self._completeness.cut(pdu)
         for record in records:
-            if not record.ours:
+            if not record.may_be_ours:
                 continue
             self._newest = pdu.frame
             if certain and not self._forgot_requests:
@@ -289,14 +289,14 @@ class RecordCalls:
                     self._alone.popitem(last=False)
                 self._events.pass_on(record, "about", remark)
             if record.write:
-                self._told.append(("foreign", record, None))
+                self._outcomes.append(("foreign", record, None))
             self._events.unasked(record, pdu.cut)
 
     def _twice(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         self._stations.message(pdu)
         args = {
             "operation": OPERATIONS.get(pdu.opnum, "?"),
-            "first": call.answer,
+            "first": call.response_frame,
             "has": "has_either" if call.again else "has_first",
         }
         self._about_call(call, Remark("DS111", pdu.frame, args))
@@ -305,7 +305,7 @@ class RecordCalls:
             RPC_READ_IMPLICIT,
         )  # what that brought the device may have given away
         for record in call.context if call.again or reads else ():
-            if record.ours:
+            if record.may_be_ours:
                 self._events.pass_on(record, "answered_twice")
 
     def _failed(self, call: RpcCall, pdu: rpc.Pdu) -> None:
@@ -316,7 +316,7 @@ class RecordCalls:
             self._goes_on(pdu)
             return
         for record in call.context:
-            if record.ours:
+            if record.may_be_ours:
                 what = "write_failed" if record.write else "read_over"
                 self._events.pass_on(record, what, Half(pdu.frame, pdu.time_ns))
 
@@ -325,7 +325,7 @@ class RecordCalls:
     def _about_call(self, call: RpcCall, remark: Remark) -> None:
         """A finding about an RPC call: once, and with the first job that it carries."""
         for record in call.context:
-            if record.ours:
+            if record.may_be_ours:
                 self._events.pass_on(record, "about", remark)
                 return
 

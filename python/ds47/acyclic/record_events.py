@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47
-from ds47.acyclic.pairing import Moment, Pairing, Told
+from ds47.acyclic.pairing import Moment, Outcome, Pairing
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request
 from ds47.profidrive.parameter import shared_request
@@ -27,16 +27,16 @@ class RecordEvents:
         index47: decides which records are ours.
         pairing: hears of every Write and Read that is ours.
         codec: dialects of the messages.
-        told: gets the findings.
+        outcomes: gets the findings.
     """
 
     def __init__(
-        self, index47: Index47, pairing: Pairing, codec: Options, told: list[Told]
+        self, index47: Index47, pairing: Pairing, codec: Options, outcomes: list[Outcome]
     ) -> None:
         self._index47 = index47
         self._pairing = pairing
         self._codec = codec
-        self._told = told
+        self._outcomes = outcomes
         self._happens: dict[str, Callable[[Any, Any], object]] = {
             "asked": self._asked, "answered": self._answered,
             "write_failed": self._write_failed, "write_unasked": lambda record, _: pairing.write_unasked(record),
@@ -94,7 +94,9 @@ class RecordEvents:
             record.proven = True
             self._asked(record, message)
             return
-        asks = message is not None and index47.asks(record.peer.device, record.place, message)
+        asks = message is not None and index47.is_question_here(
+            record.peer.device, record.place, message
+        )
         self.pass_on(record, "asked", message, asks=asks)
         if message is not None:
             index47.asked(record.relation, record.place, message, half.data)
@@ -104,7 +106,7 @@ class RecordEvents:
         """A response, with or without its request; arguments as for `asked`."""
         half, write = record.response, record.write
         assert half is not None
-        if (half.missing and not write) or (half.cut and half.untold):
+        if (half.missing and not write) or (half.cut and half.cut_before_status):
             self._length(record, half, cut)
         if record.proven:
             self._answered(record, half)
@@ -162,8 +164,8 @@ class RecordEvents:
         if record.write:
             if record.job is not None:
                 self._pairing.write_response(record.job, half)
-        elif half.cut and half.untold:
-            self._pairing.read_untold(record)
+        elif half.cut and half.cut_before_status:
+            self._pairing.read_cut_before_status(record)
         else:
             spot = record.channel[1], record.channel[3:6]
             if record.index in ALWAYS and half.data and not self._index47.drives.get(spot):
@@ -192,7 +194,7 @@ class RecordEvents:
         ars = None if drive else index47.echoed(record.relation, place, half.data)
         for ar in ars or ():
             self._pairing.release(*ar, index=SHARED_INDEX)
-            self._told.append(("no_drive", ar, None))
+            self._outcomes.append(("no_drive", ar, None))
         return ars is not None
 
     def _about(self, record: Record, remark: Remark) -> None:
@@ -200,7 +202,7 @@ class RecordEvents:
         self._remark(record, remark)
 
     def _remark(self, record: Record | None, remark: Remark) -> None:
-        self._told.append(("remark", remark, record))
+        self._outcomes.append(("remark", remark, record))
 
     def push_out(self, limit: str, frame: int) -> None:
         """A limit (spec/limits.toml) pushed out something of ours that began in this frame."""
@@ -235,4 +237,4 @@ class RecordEvents:
 def _answered_twice(record: Record, _: object) -> None:
     asked = record.request
     if record.job is not None and asked is not None:
-        record.job.twice = asked.frame
+        record.job.doubled_frame = asked.frame

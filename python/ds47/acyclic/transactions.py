@@ -161,9 +161,10 @@ def _parameters(job: Job, refused: bool) -> list[Parameter]:
         failed = None if answer is None else answer.error
         error = None if failed is None else ParameterError(failed.code, failed.info, peer.vendor_id)
         own = _listed(pnu, attribute, code, meaning, peer.vendor_id, peer.family)
-        name, listed, unit, told, family = own
+        name, listed, unit, format_text, family = own
         found.append(Parameter(
-            pnu, subindex, name, elements, listed, unit, told, count, shown, scaled, error, None, None, family
+            pnu, subindex, name, elements, listed, unit, format_text, count, shown, scaled, error, None, None,
+            family,
         ))  # fmt: skip
     return found
 
@@ -174,12 +175,12 @@ def _listed(
     vendor_id: int | None, family: str | None,
 ) -> tuple[str | None, Pnu | None, str | None, str | None, str | None]:  # fmt: skip
     """Attribute name, row of the PNU in the tables, unit, format name, and family of the tables."""
-    told = None if code is None else format_name(code, meaning)
+    format_text = None if code is None else format_name(code, meaning)
     if pnu is None or attribute is None:
-        return None, None, None, told, None
+        return None, None, None, format_text, None
     family = family_of(vendor_id, family)
     listed = parameter(pnu, family)
-    return attribute_name(attribute), listed, unit_of(listed, told), told, family
+    return attribute_name(attribute), listed, unit_of(listed, format_text), format_text, family
 
 
 def _pairs(reads: list[tuple[Half | None, Half]]) -> list[Read]:

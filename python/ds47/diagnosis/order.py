@@ -46,8 +46,8 @@ def _old_answer(job: Job) -> Iterator[Remark]:
         case = "again_without_ar" if refused is None else "again_after_refusal"
         yield _again(case, read.frame, job.repeats, refused.frame if refused else None)
     unseen = job.between is not None and not job.between.write_told
-    if read is not None and job.again and not unseen:
-        yield _again(job.again, job.rereads[0][1].frame, read.frame)
+    if read is not None and job.reread_cause and not unseen:
+        yield _again(job.reread_cause, job.rereads[0][1].frame, read.frame)
 
 
 def _again(case: str, frame: int, first: int, write: int | None = None) -> Remark:

@@ -21,7 +21,7 @@ def explain(
             _name(each, entry.row)
         if each.attribute == "value":
             row = None if entry is None else entry.row
-            each.told = _texts(each, row, catalogue, vendor_id, device_id) or None
+            each.value_texts = _texts(each, row, catalogue, vendor_id, device_id) or None
     return item
 
 

@@ -30,13 +30,13 @@ class RpcCall:
     """Its operation."""
     port: int
     """The UDP port of its client."""
-    asked: int
-    """A hash of its body: repetitions have the same."""
-    answer: int
+    request_hash: int
+    """A hash of the body of the request: repetitions have the same."""
+    response_frame: int
     """The frame of the response or the fault; 0 for none so far."""
-    answer_ns: int
+    response_ns: int
     """The time of that frame."""
-    said: int
+    response_hash: int
     """A hash of its body."""
     in_part: bool
     """Whether fragments of a response were seen."""
@@ -53,8 +53,8 @@ class RpcCall:
 
     def __init__(self, request: Pdu) -> None:
         self.request, self.frame, self.opnum = request, request.frame, request.opnum
-        self.port, self.asked = request.port, hash(request.body)
-        self.answer = self.answer_ns = self.said = 0
+        self.port, self.request_hash = request.port, hash(request.body)
+        self.response_frame = self.response_ns = self.response_hash = 0
         self.in_part = False
         self.limit = ""
         self.sent_ns = self.heard_ns = request.time_ns
@@ -211,10 +211,10 @@ class CallTracker:
             told += [("incomplete", self.open_call(each.pdu), each) for each in fragments.given_up]
             fragments.given_up = []
         if whole is None:
-            self.begun(pdu)
+            self.take_fragment(pdu)
         return whole
 
-    def begun(self, pdu: Pdu) -> None:
+    def take_fragment(self, pdu: Pdu) -> None:
         """Takes a fragment that completes no message: its request or response is not entirely missing."""
         if pdu.ptype == 0:
             begun = self._begun
@@ -254,13 +254,13 @@ class CallTracker:
             self._expire(activity, pdu, told)
         call = calls.get(seq) or self._answered.get(key)
         if call is not None:
-            same = call.asked == hash(pdu.body) and call.port == pdu.port
+            same = call.request_hash == hash(pdu.body) and call.port == pdu.port
             if same and call.opnum == pdu.opnum and not self._is_over(activity, call, pdu):
                 self._repeated(activity, call, pdu)
                 told.append(("again", call, pdu))
                 return
             activity.anew, numbers.answered = pdu.frame, -1
-            if not call.answer:
+            if not call.response_frame:
                 self._lose(call, told, went_on=True)
                 del calls[seq]  # the new one goes to the end
         if seq <= numbers.highest and (numbers.is_late(pdu) or seq < numbers.answered):
@@ -278,9 +278,9 @@ class CallTracker:
         if early is None:
             told.append(("asked", call, pdu))
         else:
-            self._behind(early, activity, call, pdu, told)
+            self._request_after_response(early, activity, call, pdu, told)
 
-    def _behind(
+    def _request_after_response(
         self, early: Pdu, activity: Activity, call: RpcCall, pdu: Pdu, told: list[Became]
     ) -> None:
         """A request comes after a response with its number: both may be one call."""
@@ -309,11 +309,11 @@ class CallTracker:
         self.counts["retransmissions"] += 1
         call.sent_ns = pdu.time_ns
         call.again = pdu.frame
-        if not call.answer:
+        if not call.response_frame:
             call.heard_ns = pdu.time_ns
             activity.oldest_ns = min(activity.oldest_ns, pdu.time_ns)
         else:
-            call.heard_ns = max(pdu.time_ns, call.answer_ns)
+            call.heard_ns = max(pdu.time_ns, call.response_ns)
             self._answered.move_to_end((pdu.client, pdu.activity, pdu.seq))
             self._due_ns = 0
 
@@ -375,7 +375,7 @@ class CallTracker:
             return known and activity is not None and activity.numbers.has(pdu.seq)
         if self._is_used_anew(activity, call, pdu):
             return False
-        if call.said == hash(pdu.body):  # late, even after a Connect
+        if call.response_hash == hash(pdu.body):  # late, even after a Connect
             self._completeness.doubled(pdu)
             if activity is not None and not call.again:
                 activity.doubled = pdu.frame
@@ -390,7 +390,7 @@ class CallTracker:
         if call.opnum != RPC_CONNECT:
             call.request = None
         seq, now, numbers, answered = pdu.seq, pdu.time_ns, activity.numbers, self._answered
-        call.answer, call.answer_ns, call.said = pdu.frame, now, hash(pdu.body)
+        call.response_frame, call.response_ns, call.response_hash = pdu.frame, now, hash(pdu.body)
         if seq < numbers.highest:
             numbers.ahead += 1
         else:

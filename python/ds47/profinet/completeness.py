@@ -326,7 +326,7 @@ class Completeness:
         """What is missing between two stations."""
         return self._pairs.get((client, server)) or Pair()
 
-    def behind(self, peer: Peer, since: int, *, ordered: bool = False) -> Missing | None:
+    def missing_after(self, peer: Peer, since: int, *, ordered: bool = False) -> Missing | None:
         """What may be missing of the calls of a controller after a frame; None for nothing.
 
         Out-of-order calls do not count if the calls are known to be `ordered`.

@@ -92,7 +92,7 @@ class Half(Plain):
         self.status = status
 
     @property
-    def untold(self) -> bool:
+    def cut_before_status(self) -> bool:
         """Whether the capture cut this response off before it shows the outcome of the call."""
         return self.cut and not (self.status or self.missing)
 
@@ -150,7 +150,7 @@ class Record(Plain):
     """Who calls whom."""
     relation: Relation
     channel: ChannelKey
-    ours: bool
+    may_be_ours: bool
     """Whether its index can carry the parameter channel."""
     proven: bool
     """Whether its AR had proved itself when the request came."""
@@ -170,7 +170,7 @@ class Record(Plain):
         request: Half | None = None,
         response: Half | None = None,
         peer: Peer = NOBODY,
-        ours: bool = False,
+        may_be_ours: bool = False,
     ) -> None:
         self.write = write
         self.implicit = implicit
@@ -182,17 +182,17 @@ class Record(Plain):
         self.position = position
         self.request = request
         self.response = response
-        self.peer, self.ours, self.proven = peer, ours, False
+        self.peer, self.may_be_ours, self.proven = peer, may_be_ours, False
         controller, device = peer[0], peer[1]
         self.relation = controller, device, ar
         self.channel = controller, device, ar, api, slot, subslot, index
         self.job = None
 
-    def of(self, peer: Peer, *, ours: bool = True) -> Record:
+    def of(self, peer: Peer, *, may_be_ours: bool = True) -> Record:
         """The same call with its peer, if that was unknown when the call came."""
         return Record(
             self.write, self.implicit, self.ar, self.api, self.slot, self.subslot, self.index, self.position,
-            self.request, self.response, peer, ours,
+            self.request, self.response, peer, may_be_ours,
         )  # fmt: skip
 
     @property

@@ -107,7 +107,7 @@ def _column(item: Parameter) -> str:
 
 
 def _cells(item: Parameter, frame: int) -> dict[int, EntryValue]:
-    texts = item.told or {}
+    texts = item.value_texts or {}
     return {
         position: EntryValue(value, frame, texts.get(value) if isinstance(value, int) else None)
         for position, value in enumerate(item.values, item.subindex or 0)

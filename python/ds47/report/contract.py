@@ -235,7 +235,7 @@ def _parameter(**arguments: Any) -> model.Parameter:
     meant = arguments.pop("meaning", None)
     item = model.Parameter(**arguments, listed=own or row, described=described, family=family)
     if meant is not None and meant not in (meaning(item, "en"), meaning(item, "zh")):
-        item.told = {None: meant}  # by a list of the user
+        item.value_texts = {None: meant}  # by a list of the user
     return item
 
 

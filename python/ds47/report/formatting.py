@@ -114,6 +114,6 @@ def _shown(item: Parameter, known: tuple[Any, ...], lang: str) -> str:
         return ""
     unit = f" {escape(item.unit)}" if item.unit else ""
     scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
-    meant = meanings.meaning(item) if meanings.may_mean(known, bool(item.told)) else None
+    meant = meanings.meaning(item) if meanings.may_mean(known, bool(item.value_texts)) else None
     shown = values(item.values, item.format, lang, descriptions.stated(item)) + scaled
     return shown if meant is None else say_in(lang, "parameter_meant", value=shown, text=meant)

@@ -129,7 +129,7 @@ def _parameters(items: list[Parameter], lang: str) -> str:
             scaled = list_text(item.scaled)
         if item.error is not None:
             error = _writer(contract.ERROR)(item.error, lang)
-        if (may_mean or item.told) and (meant := meanings.meaning(item)) is not None:
+        if (may_mean or item.value_texts) and (meant := meanings.meaning(item)) is not None:
             tail = f', "meaning": {_quoted(meant.text(lang))}}}'
         texts.append(f'{head}, "values": {values}, "scaled": {scaled}, "error": {error}{tail}')
     return f"[{', '.join(texts)}]"

@@ -51,7 +51,7 @@ def meaning(item: Parameter) -> Both | None:
     Args:
         item: with the values that were read or written.
     """
-    told, row = item.told or {}, item.listed
+    told, row = item.value_texts or {}, item.listed
     if item.error is not None or not item.values or not may_mean(about(item), bool(told)):
         return None
     if None in told:

@@ -87,7 +87,7 @@ def parameter(found: DriveElement, value: bytes | None) -> Parameter:
     name = row.name if row is not None and values else None
     return Parameter(
         found.pnu, found.subindex, "value", None, known, unit_of(known, name), name,
-        len(values) or None, values, told=real, family=family_of(SIEMENS),
+        len(values) or None, values, value_texts=real, family=family_of(SIEMENS),
     )  # fmt: skip
 
 

@@ -237,7 +237,7 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
         len(described) if described else descriptions.stated(item),
     ]
     scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
-    if meanings.may_mean(known, bool(item.told)) and (meant := meanings.meaning(item)):
+    if meanings.may_mean(known, bool(item.value_texts)) and (meant := meanings.meaning(item)):
         return [*row, scaled or 0, None, list(meant)]
     if item.error is not None:
         of = item.error
