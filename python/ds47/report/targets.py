@@ -136,20 +136,20 @@ class Telegrams:
     def tell(cls, result: CaptureResult) -> None:
         """Gives the transactions of a capture their telegrams."""
         known = cls(result)
-        if known._said or known._lengths:
+        if known.says or known._lengths:
             for each in result.transactions:
                 each.telegram = known.of(each)
 
     def transaction(self, item: Transaction) -> None:
-        """Takes one more transaction; most say nothing of it."""
-        for each in item.parameters:
-            if each.error is not None or each.pnu in _TELLING:
-                break
-        else:
-            return
+        """Takes one more transaction."""
         self._targets.transaction(item)
         for _, number in _told((item,)):
             self._said[self._targets.identity(item, _SELECTION)] = item, number
+
+    @property
+    def says(self) -> bool:
+        """Whether a drive says the telegram of any drive object."""
+        return bool(self._said)
 
     def of(self, item: Transaction) -> int | None:
         """The telegram of the drive object that a transaction reaches; None if unknown."""
@@ -188,13 +188,19 @@ class Following:
     def __init__(self) -> None:
         self._path = ""
         self._known = Telegrams()
+        self._tells = False
+        """Whether anything came that says a telegram."""
 
     def tell(self, path: str, item: Transaction) -> None:
         """Gives a transaction its telegram, if nobody did."""
         if path != self._path:
-            self._path, self._known = path, Telegrams()
-        self._known.transaction(item)
-        if item.telegram is None:
+            self._path, self._known, self._tells = path, Telegrams(), False
+        for each in item.parameters:
+            if each.error is not None or each.pnu in _TELLING:
+                self._known.transaction(item)
+                self._tells = self._known.says
+                break
+        if self._tells and item.telegram is None:
             item.telegram = self._known.of(item)
 
 
