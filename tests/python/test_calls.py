@@ -219,6 +219,7 @@ def test_answered_calls_are_remembered_as_long_as_they_may_be_repeated() -> None
     )
     gone = replace(other[0], seq=9, mark=0)
     assert few.feed(gone).names[8:] == ["unasked"]
+    assert few.feed(replace(gone, activity=bytes(16), mark=1)).names[9:] == ["unasked"]
     first, answer, second, last = calls(2)
     late = [later(each, LIMITS.call_expiry_ns + 2_000_000) for each in (second, last, answer)]
     assert Heard().feed(first, answer, *late).names[4:] == ["unasked"]
@@ -320,6 +321,15 @@ def test_open_calls_of_an_activity_are_bounded() -> None:
     assert heard.tracker.counts["unanswered"] == 3
 
 
+def test_once_the_clock_was_set_back_a_call_expires_by_its_own_time() -> None:
+    """It is older than the activity is by its first request."""
+    talk, back = calls(3), 90 * SECOND
+    talk[2:] = [later(each, -back) for each in talk[2:]]
+    talk[4] = later(talk[4], LIMITS.call_expiry_ns)
+    heard = Heard().feed(*talk[:3], talk[4])
+    assert heard.names == ["asked", "answered", "asked", "lost", "asked"]
+
+
 def test_what_a_client_went_on_from_is_lost_for_no_limit() -> None:
     """It got the response to a later call; that an earlier one comes too late is no response without a request."""
     talk = calls(6)
@@ -340,6 +350,16 @@ def test_activities_are_bounded_and_the_one_that_spoke_last_stays() -> None:
     heard = Heard(LIMITS.but(activities=2)).feed(one, two, later(one, 1), three)
     assert heard.names == ["asked", "asked", "again", "pushed_out", "asked"]
     assert heard.events[3][1] == 2
+    copy = replace(two, time_ns=two.time_ns + SECOND)
+    assert heard.feed(copy).names[5:] == [], "of one that is forgotten, too, a copy is no call"
+
+
+def test_of_calls_with_a_response_only_a_connect_keeps_its_request() -> None:
+    tracker = CallTracker(LIMITS)
+    kept = []
+    for pdu in pdus(lambda client: (client.connect("plc"), client.read(b"data"))):
+        kept += [call.request for what, call, _ in tracker.take(pdu) if what == "answered"]
+    assert [request and request.opnum for request in kept] == [wire.CONNECT, None]
 
 
 def test_the_context_of_the_layer_above_stays_with_the_call() -> None:

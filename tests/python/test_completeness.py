@@ -181,6 +181,17 @@ def test_a_write_response_without_its_request_shows_that_a_request_is_missing() 
     assert (pair.halves, pair.half, pair.holes, found.newest(SERVER)) == (1, 6, [], 6)
 
 
+def test_a_response_behind_the_next_request_shows_that_its_number_was_there() -> None:
+    def play(client: Client) -> None:
+        client.read(TELL)
+        written = client.ask_write(ASK)
+        client.read(TELL)
+        client.accept_write(written, ASK)
+
+    pair = without(play, 3).lacks(CLIENT, SERVER)
+    assert (pair.holes, pair.halves, pair.half) == ([], 1, 6)
+
+
 def test_a_read_response_without_its_request_is_a_half() -> None:
     found = without(three, 7)
     pair = found.lacks(CLIENT, SERVER)
@@ -380,7 +391,7 @@ def polled(client: Client) -> None:
 
 def too_short(client: Client) -> None:
     client.write(ask(1))
-    client.poll(0xDE80B100)
+    client.poll(TOO_SHORT)
     client.read(tell(1))
     client.exchange(ask(2), tell(2))
 
@@ -388,7 +399,7 @@ def too_short(client: Client) -> None:
 def overtaken(client: Client) -> None:
     """The Read behind a new Write comes before the response to that."""
     client.write(ask(1))
-    client.poll(0xDE80B100)
+    client.poll(TOO_SHORT)
     written = client.ask_write(ask(2))
     read = client.ask_read()
     client.accept_write(written, ask(2))
@@ -515,6 +526,30 @@ def of_no_record(client: Client) -> None:
     client.stage.shots.insert(6, client.stage.shots.pop(4))
 
 
+def counted_elsewhere(client: Client) -> None:
+    """The first request of a channel has the reference that another channel of its AR had last."""
+    client.exchange(ask(1), tell(1), client.at(slot=2))
+    client.write(ask(1))
+    client.poll()
+    client.read(tell(1))
+
+
+def refused_alike(client: Client) -> None:
+    """A Write with the same reference is refused while a Read is under way: the record mirrors both."""
+    client.write(ask(1))
+    client.ask_read()
+    client.write(ask(1), NOT_THERE)
+    client.read(tell(1))
+
+
+def read_before(client: Client) -> None:
+    """The record that a Read brings from before a Write came behind it; the Read for that one is refused."""
+    read = client.ask_read()
+    client.write(ask(2))
+    client.accept_read(read, tell(3))
+    client.poll(TOO_SHORT)
+
+
 def failed(client: Client) -> None:
     """A Read gets a fault, which does not tell of which record."""
     client.write(ask(1))
@@ -541,7 +576,7 @@ def unsaved(client: Client) -> None:
     other.exchange(ask(4), tell(4))
 
 
-NOT_THERE, IN_USE = 0xDE80B700, 0xDF80B500
+NOT_THERE, IN_USE, TOO_SHORT = 0xDE80B700, 0xDF80B500, 0xDE80B100
 Told = tuple[str, list[tuple[object, ...]]]
 
 
@@ -627,6 +662,10 @@ SCENES: list[Scene] = [
     (then_in_order, (), "ok incomplete orphan ok superseded ok", [(8, "halves"), ("DS413", 15)]),
     (behind_a_poll, (), "ok ok", []),
     (of_no_record, (), "superseded ok", [("DS413", 6)]),
+    (counted_elsewhere, (), "ok ok", []),
+    (counted_elsewhere, (7, 8), "ok incomplete orphan", [(5, "calls", 5, 7, "3")]),
+    (read_before, (), "orphan refused", []),
+    (refused_alike, (), "incomplete refused", [(1, "read_answer", 3), ("DS415", 4)]),
     (failed, (), "superseded ok", [("DS413", 5)]),
     (failed, (3,), "incomplete ok", [(1, "requests")]),
     (elsewhere, (), "unanswered ok", [("DS401", 1)]),

@@ -300,6 +300,25 @@ def test_974_without_a_number_teaches_nothing(value: int) -> None:
     assert rules(court.unanswered(job(READ), dropped=False)) == ["DS401"]
 
 
+def test_974_in_the_answer_to_no_read_teaches_nothing() -> None:
+    """Of a request with an unknown id nobody knows what its values are."""
+    court = judge()
+    asked = message.answer(1, 0x05, 2, RAMP, message.address(974))
+    answer = message.answer(1, 0x85, 2, message.error(0), message.word(1))
+    assert "DS410" in rules(court.answered(job(asked, answer)))
+    assert rules(court.unanswered(job(READ), dropped=False)) == ["DS401"]
+
+
+@pytest.mark.parametrize("lacking", [0, 20])
+def test_the_length_of_a_change_that_the_capture_cut_off_is_no_other_one(lacking: int) -> None:
+    court = judge()
+    court.answered(change(TEN + TEN, answer=message.answer(1, 0x82, 1, message.error(0x18))))
+    one = change(TEN)
+    assert one.write_request is not None
+    one.write_request.missing = lacking
+    assert rules(court.answered(one)).count("DS419") == (not lacking)
+
+
 def test_974_may_say_1() -> None:
     court = judge()
     answer = message.answer(1, 1, 1, message.word(1))

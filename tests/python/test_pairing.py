@@ -159,6 +159,29 @@ def test_of_a_station_is_missing_what_its_line_shows(lost: int, what: str) -> No
     assert job.missing.what == what
 
 
+@pytest.mark.parametrize(("reads", "what"), [(False, "ends"), (True, "unseen")])
+def test_of_a_station_that_was_read_behind_a_write_its_answer_comes_no_more(
+    reads: bool, what: str
+) -> None:
+    """The record is that of the request before it; at the end of the capture nothing more is due."""
+    channel, peer = Channel(), Peer("dp1", "dp3", station=3)
+    jobs = []
+    for reference in (1, 2):
+        data = message.read(reference, 1, message.address(21))
+        record = channel.record(True)
+        record.request = channel.half(data)
+        jobs.append(channel.pairing.write_request(record.belongs(peer), request(data)))
+    channel.written(jobs[0])
+    if reads:
+        record = channel.record(False)
+        answer = message.answer(1, 1, 1, message.real(1.0))
+        record.request, record.response = channel.half(), channel.half(answer, 0)
+        assert channel.pairing.read_response(record.belongs(peer)) is jobs[0]
+    channel.pairing.finish()
+    assert jobs[1].missing is not None
+    assert jobs[1].missing.what == what
+
+
 def test_a_refusal_as_too_short_is_not_the_end_where_the_record_may_have_come() -> None:
     """The Read behind it brings a record of which nobody knows whose it is."""
     channel = Channel()

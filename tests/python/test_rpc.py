@@ -149,6 +149,13 @@ def test_a_fragment_behind_the_last_one_is_none_of_the_message() -> None:
         assert whole.body == BODY
 
 
+def test_a_fragment_that_is_none_of_the_message_takes_no_room() -> None:
+    first, second, third, last = parts()  # of ten bytes each
+    stray = replace(first, fragment=9)
+    (whole,) = feed(rpc.Fragments(10**9, most_bytes=35), [stray, last, first, second, third])
+    assert whole.body == BODY
+
+
 def test_fragments_of_different_messages_do_not_mix() -> None:
     first, second = parts(), [replace(pdu, seq=7) for pdu in parts(body=BODY[::-1])]
     mixed = [pdu for pair in zip(first, second, strict=True) for pdu in pair]
@@ -158,8 +165,9 @@ def test_fragments_of_different_messages_do_not_mix() -> None:
 def test_what_stands_behind_a_hole_is_missing() -> None:
     pieces = parts()
     pieces[1] = replace(pieces[1], body=pieces[1].body[:4], missing=6)
-    pieces[3] = replace(pieces[3], body=pieces[3].body[:7], missing=3)
+    pieces[3] = replace(pieces[3], body=pieces[3].body[:7], missing=3, cut=(4, 129, 132))
     (whole,) = feed(rpc.Fragments(10**9), pieces)
+    assert whole.cut == (4, 129, 132), "the second one is short for another reason"
     assert whole.body == BODY[: len(pieces[0].body) + 4]
     assert len(whole.body) + whole.missing == len(BODY)
 

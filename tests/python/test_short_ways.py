@@ -67,6 +67,11 @@ def test_from_frame_takes_the_usual_frame(little: bool) -> None:
     assert (found.seq, found.opnum, found.body, found.client) == (7, 3, b"body", "192.168.0.2")
 
 
+def test_from_frame_takes_no_interface_in_the_other_byte_order() -> None:
+    with patch.object(make, "UUID_LITTLE", make.UUID_BIG):
+        assert rpc.from_frame(Frame(1, 2, 1, frame(True, 2, b"body", 4), 200)) is None
+
+
 def test_what_from_frame_remembers_is_bounded() -> None:
     with patch.object(rpc, "_MOST_KNOWN", 8):
         for number in range(100):
@@ -74,7 +79,7 @@ def test_what_from_frame_remembers_is_bounded() -> None:
             data[11] = data[29] = number  # MAC and IP address
             data[50] = number  # object UUID
             assert rpc.from_frame(Frame(1, 2, 1, bytes(data), 200)) is not None
-        assert len(rpc._KNOWN[True]) <= 8
+            assert len(rpc._KNOWN[True]) <= 8
 
 
 @settings(max_examples=500)

@@ -1281,6 +1281,20 @@ def p32_other_bytes(client: Client) -> None:
     client.read(tell(1, 2.5))
 
 
+@BOOK.scene(
+    "P39 malformed orphan",
+    row(1, real(1.5), par(27)),
+    orphan(2, 5, real(1.5, pnu=None)),
+    rules="DS106@4 DS106@6 DS403@6#2",
+)
+def p32_cut_of_another_length(client: Client) -> None:
+    """The capture has the same bytes of two records, the first value of each; the second one is longer."""
+    client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5))
+    tape(client).cut(6)
+    client.read(message.answer(1, 1, 1, message.real(1.5), message.real(2.5, 3.5)))
+    tape(client).cut(10)
+
+
 BOOK.lab(
     "P32",
     "transport-starts-late",

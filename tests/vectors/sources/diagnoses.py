@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from uuid import UUID
 
-from book import NOTHING, Row, Vectors, orphan, par, ramp, real, row, tx
+from book import NOTHING, Row, Vectors, orphan, par, ramp, real, row, tape, tx
 from conversations import AR2, BAD_HEADER, CUT, HOME2, SHORT, ask, put, second, tell
 
 from ds47.lab import message, wire
@@ -434,6 +434,24 @@ def ds713_left_out(client: Client) -> None:
 def ds713_room_left(client: Client) -> None:
     """Near miss: one of three is left out, though a usual channel has room for it."""
     client.exchange(ask(1, 21, 27, 25), tell(1, 1.5, 2.5))
+
+
+@BOOK.scene(
+    "count malformed",
+    row(1, real(1.5)),
+    row(2, real(2.5)),
+    row(3, real(3.5)),
+    row(4, par(2900, "Float32", *range(58)), par(21), state="partial"),
+    rules="DS106@12 DS407@16#4",
+)
+def ds713_room_seen(client: Client) -> None:
+    """Near miss: the drive sent more before, of which the capture has only the value that was asked for."""
+    client.exchange(ask(1), tell(1, 1.5))
+    client.exchange(ask(2), tell(2, 2.5))
+    client.exchange(ask(3), tell(3, 3.5) + bytes(290))
+    tape(client).cut(290)
+    asked = message.read(4, 1, message.address(2900, 0, 58), message.address(21))
+    client.exchange(asked, message.answer(4, 1, 1, message.real(*range(58))))
 
 
 # DS714 to DS716: what the bytes were meant to be
