@@ -170,13 +170,13 @@ def test_of_a_station_that_was_read_behind_a_write_its_answer_comes_no_more(
         data = message.read(reference, 1, message.address(21))
         record = channel.record(True)
         record.request = channel.half(data)
-        jobs.append(channel.pairing.write_request(record.belongs(peer), request(data)))
+        jobs.append(channel.pairing.write_request(record.of(peer), request(data)))
     channel.written(jobs[0])
     if reads:
         record = channel.record(False)
         answer = message.answer(1, 1, 1, message.real(1.0))
         record.request, record.response = channel.half(), channel.half(answer, 0)
-        assert channel.pairing.read_response(record.belongs(peer)) is jobs[0]
+        assert channel.pairing.read_response(record.of(peer)) is jobs[0]
     channel.pairing.finish()
     assert jobs[1].missing is not None
     assert jobs[1].missing.what == what
