@@ -50,8 +50,8 @@ def analyze(
     """Analyses one capture.
 
     Args:
-        path: a pcap or pcapng file, a hex dump of packets or a log of PROFIBUS, gzipped or zstd too; a URL; "-" for
-            standard input; a binary stream; or the files of a ring buffer, which are one capture.
+        path: a pcap or pcapng file, a hex dump of packets or a log of PROFIBUS, packed (gzip, zstd) or not; a URL;
+            "-" for standard input; a binary stream; or the files of a ring buffer, which are one capture.
         engine: "native", "tshark" (what the Wireshark plugin says), or "both" (DS601 where they differ).
         tshark: the program of the engines "tshark" and "both"; None for that of the environment variable
             DS47_TSHARK, else the one that is found.
