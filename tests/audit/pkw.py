@@ -203,6 +203,11 @@ LOOKED_AT = 4
 """Of captures as short as these one cyclic frame of a sender in so many is looked at."""
 
 
+def _ticks(reading: Reading, earlier: int, frame: int) -> float:
+    """The time between two frames in ticks of the cycle counter, which may have come round."""
+    return ((reading.time(frame) or 0) - (reading.time(earlier) or 0)) / 1e6 * cyclic.TICKS
+
+
 def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
     """DS110: frames of the drive are missing where a request stood or ended, or its response comes right behind it."""
     talk = next(each for each in talks(reading) if each.plain["id"] == finding.transaction)
@@ -225,7 +230,7 @@ def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
         ]  # fmt: skip
         cycle = talk.relation["cycle_ms"] * cyclic.TICKS
         steps = [
-            (now - before) % cyclic.COUNTERS
+            max((now - before) % cyclic.COUNTERS, _ticks(reading, earlier, frame))
             for (way, earlier, before), (same, frame, now) in pairwise(there)
             if way == same and frame > first and earlier < last  # another drive may have shown it
         ]  # fmt: skip

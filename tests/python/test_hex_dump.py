@@ -280,27 +280,6 @@ def test_any_text_is_read(lines: list[str]) -> None:
     assert len(found) + packets.unread.count <= len(lines)
 
 
-def test_a_pipe_may_begin_with_words(captures: Path) -> None:
-    frames = frames_of(captures / REAL[0])
-
-    class Slow(io.RawIOBase):
-        """Gives a few bytes at a time."""
-
-        def __init__(self) -> None:
-            self._left = tcpdump(frames).encode()
-
-        def readable(self) -> bool:
-            return True
-
-        def readinto(self, room: bytearray) -> int:  # type: ignore[override]
-            count = min(30, len(room), len(self._left))
-            room[:count], self._left = self._left[:count], self._left[count:]
-            return count
-
-    with open_capture(Slow(), name="pipe") as capture:  # type: ignore[arg-type]
-        assert [(each.time_ns, each.data) for each in capture.everything()] == frames
-
-
 TOOLS = (
     "tshark -t e -P -x -r", "tshark -t ad -P -x -r", "tshark -V -x -r", "tshark -t e -P --hexdump delimit -r",
     "tshark -t e -P --hexdump noascii -r", "tshark -t e -P -V --hexdump frames -r",

@@ -123,17 +123,13 @@ class Capture(Closing):
 
 
 def _recording(window: Window) -> HexDumpReader | BusLogReader | None:
-    """The reader of a text or of bytes of PROFIBUS; few captures are one, so what knows them is read only here."""
-    from . import bus_log, hex_dump, text
+    """The reader of a text or of bytes of PROFIBUS; few captures are one, so what knows them is read only here.
 
-    while (found := hex_dump.recognised(window) or bus_log.recognised(window)) is None:
-        size = window.end  # a pipe may have given no more than words yet
-        if size >= text.LOOKED_AT or text.encoding(bytes(window.view[:size])) is None:
-            return None
-        window.more(0, 2 * size)
-        if window.end == size:
-            return None
-    return found
+    Nothing more of the stream is read: who feeds a pipe may wait.
+    """
+    from . import bus_log, hex_dump
+
+    return hex_dump.recognised(window) or bus_log.recognised(window)
 
 
 def _not_a_capture(head: bytes, broken: str | None) -> str:
