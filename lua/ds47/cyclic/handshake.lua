@@ -24,6 +24,7 @@ local M = {}
 local ERROR, NO_RIGHTS = 7, 8
 local NO_VALUE = "\0\0\0\0"
 local WAITING = 16 -- jobs that wait for a frame of the drive; it says nothing any more where there are more
+local UNNOTICED = 3 -- so many cycles may be missing, and nothing else shows it (channels.lua)
 
 local Channel = {}
 Channel.__index = Channel
@@ -133,7 +134,8 @@ function Channel:sent(bytes, at)
   if self:_is_second_half(data, at) then return true end
   self._previous = last and last.data
   local wanted, job = ak_of(data) ~= 0, self._job
-  if job and job.odd and job.odd == self._in and wanted and fits(data, job.odd.data) then
+  local odd = job and job.odd == self._in and job.odd or nil
+  if odd and wanted and fits(data, odd.data) and cycles_between(odd.at, at) <= UNNOTICED then
     job.hole = hole_of(job.request.at.frame, at.frame) -- this was sent before the answer to it
   end
   self:_end(at, not wanted)

@@ -24,6 +24,8 @@ END, IO_LOST, WITHDRAWN = "end", "io-lost", "withdrawn"
 """Why there was no answer: the capture ends, the data was not valid any more, the controller gave up."""
 ENDS, _BEHIND = "ends", "cyclic_behind"
 """Why a response may not be in the capture."""
+_UNNOTICED = 3
+"""So many cycles may be missing, and nothing else shows it (`channels`)."""
 _WAITING = 16
 """Transactions that wait for a frame of the drive; it says nothing any more where there are more."""
 
@@ -171,7 +173,7 @@ class PkwChannel:
         self._previous = b"" if last is None else last.data
         job = self._job
         odd = None if job is None or job.odd is not self._in else job.odd
-        if job and odd and _ak(data) and _fits(data, odd.data):
+        if job and odd and _ak(data) and _fits(data, odd.data) and at.since(odd.at) <= _UNNOTICED:
             # This was sent before the answer to it.
             job.hole = FrameGap(job.request.at.frame, at.frame)
         self._end(at, withdrawn=not _ak(data))
