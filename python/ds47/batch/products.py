@@ -18,6 +18,7 @@ from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.batch.tasks import Task, read
 from ds47.capture import CaptureError
 from ds47.model import CaptureResult, Finding, Transaction
+from ds47.parameters.expected import Expectation
 
 _AT_ONCE = 256
 """Transactions that are written together."""
@@ -50,6 +51,7 @@ class Spool:
     options: AnalysisOptions
     streams: bool
     """As in the report's writer (`ds47.report.Writer`)."""
+    expected: tuple[Expectation, ...] = ()
     is_kept: ClassVar[bool] = False
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
@@ -63,7 +65,7 @@ class Spool:
                 batch.clear()
 
         on_finished = finished if self.streams else None
-        result = read(task, self.options, on_finished)
+        result = read(task, self.options, on_finished, self.expected)
         if batch:
             pickle.dump(batch, stream, pickle.HIGHEST_PROTOCOL)
         pickle.dump(result, stream, pickle.HIGHEST_PROTOCOL)
