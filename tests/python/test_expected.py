@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 import ds47
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.cli import main
-from ds47.model import Device
+from ds47.model import CaptureResult, Device
 from ds47.parameters.expected import Wanted, read
 from ds47.parameters.lists import ListError
+from ds47.report import schema
 from ds47.report.expected import expected_words, judged
+from ds47.report.parameters import rows
 
 TOUR = Path(__file__).parents[2] / "captures/tour-machine.pcapng"
 """The drive press-1-drive, 192.168.133.33: DO 2 has p50303[0] = 10.0 and p50304[0] = 60.0, r0945[0] = 7900."""
@@ -264,7 +267,9 @@ def test_what_differs_is_in_every_report_for_programs(name, worse, capsys):
 
 def test_the_json_has_facts_and_counts(worse, capsys):
     main(["report", "-f", "json", "--expect", str(worse), str(TOUR)])
-    (capture,) = json.loads(capsys.readouterr().out)["captures"]
+    document = json.loads(capsys.readouterr().out)
+    jsonschema.validate(document, schema())
+    (capture,) = document["captures"]
     assert capture["expected"] == {"parameters": 2, "seen": 2, "wrong": 1, "absent": []}
     (one,) = [each for each in capture["findings"] if each["rule"] == "DS602"]
     assert one["message"] == SENTENCE
@@ -272,6 +277,25 @@ def test_the_json_has_facts_and_counts(worse, capsys):
     assert one["time"] == "2026-01-01T08:00:00.386000000Z"
     (owner,) = [each for each in capture["transactions"] if each["id"] == one["transaction"]]
     assert owner["findings"] == ["DS417", "DS602"]
+
+
+def test_a_capture_without_a_drive_has_none_of_them(tmp_path):
+    result = judged(
+        CaptureResult("nothing"), read(written(tmp_path, "p922 = 1")), AnalysisOptions()
+    )
+    assert (result.expected.parameters, result.expected.seen, result.expected.absent) == (1, 0, [])
+
+
+@pytest.mark.parametrize("name", ["field/s7-drive-elements.pcap", "cyclic-longer-ramp.pcapng"])
+def test_every_channel_counts(name, tmp_path):
+    """Items of S7, PKW and records: a finding has the value, and its transaction knows it."""
+    capture = TOUR.parent / name
+    (known, *_) = [each for each in rows(analyze(capture)) if each.element.last]
+    text = f"{known.pnu} = 123456.5"
+    result = judged(analyze(capture), read(written(tmp_path, text)), AnalysisOptions())
+    found = [each for each in result.findings if each.rule == "DS602"]
+    assert {each.args["value"] for each in found} >= {known.element.last.value}
+    assert all("DS602" in result.transactions[each.transaction - 1].findings for each in found)
 
 
 def test_without_a_list_there_is_no_word_of_it(capsys):
@@ -403,6 +427,11 @@ def test_the_library_with_several_captures(jobs, worse):
         ),
         (
             "[drive.press-2]\np922 = 1\n", "expected, but not in the capture: press-2", "预期但不在抓包中：press-2"
+        ),
+        (
+            "p922 = 1\n[drive.press-2]\np922 = 1\n",
+            "0 of 1 expected parameter appears in the capture; expected, but not in the capture: press-2",
+            "预期的 1 个参数中有 0 个出现在抓包中；预期但不在抓包中：press-2",
         ),
         (
             "p922 = 1\np50304 = 1\np50303 = 1\n",

@@ -12,13 +12,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, ClassVar, Protocol, cast
+from typing import TYPE_CHECKING, BinaryIO, ClassVar, Protocol, cast
 
 from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.batch.tasks import Task, read
 from ds47.capture import CaptureError
 from ds47.model import CaptureResult, Finding, Transaction
-from ds47.parameters.expected import Expectation
+
+if TYPE_CHECKING:
+    from ds47.parameters.expected import Expectation
 
 _AT_ONCE = 256
 """Transactions that are written together."""

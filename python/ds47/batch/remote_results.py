@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from ds47.analysis import AnalysisOptions
 from ds47.batch.endings import Lost
@@ -19,8 +20,10 @@ from ds47.batch.products import discard
 from ds47.batch.results import OVERVIEW, Results
 from ds47.batch.tasks import Task
 from ds47.capture.remote import file_system, is_url, reason
-from ds47.parameters.expected import Expectation
 from ds47.report.overview import CaptureRow
+
+if TYPE_CHECKING:
+    from ds47.parameters.expected import Expectation
 
 _AT_ONCE = 128
 """Results that are fetched together."""

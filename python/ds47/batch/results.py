@@ -14,7 +14,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO, ClassVar, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, cast
 
 from ds47.analysis import AnalysisOptions
 from ds47.batch.products import discard, draft_of, whole
@@ -22,12 +22,14 @@ from ds47.batch.settings import expected_for, options_for
 from ds47.batch.tasks import Task, read
 from ds47.capture.remote import is_url
 from ds47.model import CaptureResult
-from ds47.parameters.expected import Expectation
 from ds47.parameters.file_names import REFUSED, is_device
 from ds47.report import SCHEMA, ReportOptions, load
 from ds47.report import json as contract
 from ds47.report.overview import CaptureRow, document
 from ds47.version import __version__
+
+if TYPE_CHECKING:
+    from ds47.parameters.expected import Expectation
 
 OVERVIEW = "overview.json"
 DAMAGED = "damaged result"

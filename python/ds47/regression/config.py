@@ -160,7 +160,7 @@ def load(path: Path) -> Config:
         raise ConfigError(f"{path}: {problem}") from None
 
 
-_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic", "s7", "names", "report", "expect")
+_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic", "s7", "names", "report", "expect")  # fmt: skip
 
 
 def _config(folder: Path, table: dict[str, Any]) -> Config:

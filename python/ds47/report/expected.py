@@ -90,17 +90,16 @@ class _Comparison:
 
     def counts(self) -> Expected:
         """How many were seen, of those that are expected of a drive in this capture."""
-        unseen, absent = 0, dict[str, None]()
+        unseen, absent = 0, set[str]()
         for each in self._list:
             if each in self._met:
                 continue
-            if any(map(each.is_of, self._devices.values())):
+            named = each.station or each.drive
+            if not named or any(map(each.is_of, self._devices.values())):
                 unseen += 1
             else:
-                absent[each.station or each.drive] = None
-        return Expected(
-            self._seen + unseen, self._seen, len(self.wrong), sorted(filter(None, absent))
-        )
+                absent.add(named)
+        return Expected(self._seen + unseen, self._seen, len(self.wrong), sorted(absent))
 
 
 def _value(row: ElementRow, one: Expectation) -> Value:
@@ -120,6 +119,7 @@ def _finding(
     last = row.element.last
     assert last is not None
     owner = owners[last.transaction]
+    asked = [*owner.parameters, *(each.parameter for each in owner.items if each.parameter)]
     args = {
         "device": row.device,
         "where": where,
@@ -129,7 +129,7 @@ def _finding(
         "expected": one.wanted.text,
         "how": f"expected_{last.how}",
         "by": last.frame,
-        "family": next((each.family for each in owner.parameters if each.pnu == row.pnu), None),
+        "family": next((each.family for each in asked if each.pnu == row.pnu), None),
     }
     time = None if owner.duration_ns is None else owner.start_ns + owner.duration_ns
     found = collected.finding(Remark(DIFFERS, last.frame, args, time_ns=time), owner.id)
@@ -146,6 +146,6 @@ def expected_words(about: Expected) -> Both:
         told.append(say("expected_seen", seen=about.seen, n=about.parameters))
     if about.seen:
         told.append(say("expected_wrong" if about.wrong else "expected_right", n=about.wrong))
-    if about.absent or not about.parameters:
+    if about.absent:
         told.append(say("expected_absent", drives=escape(listed(about.absent))))
     return joined(told, "; ", "；")
