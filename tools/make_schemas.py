@@ -89,8 +89,8 @@ SIMPLE: dict[str, Schema] = {
 SHAPES = (
     contract.CAPTURE, contract.FILE, contract.RELATION, contract.SENDER, contract.TIMELINE, contract.EVENT,
     contract.BUS, contract.BUS_STATION, contract.DEVICE,
-    contract.CONNECTION, contract.NARROWED, contract.TRANSACTION, contract.ITEM, contract.PARAMETER,
-    contract.DESCRIPTION,
+    contract.CONNECTION, contract.NARROWED, contract.EXPECTED, contract.TRANSACTION, contract.ITEM,
+    contract.PARAMETER, contract.DESCRIPTION,
     contract.FINDING,
     contract.DIAGNOSIS,
 )  # fmt: skip

@@ -756,6 +756,20 @@ class Narrowed(Plain):
 
 
 @dataclass(slots=True, repr=False, eq=False)
+class Expected(Plain):
+    """What a capture shows of the parameters in a golden list (`ds47.report.expected`)."""
+
+    parameters: int
+    """How many are expected of its drives,"""
+    seen: int
+    """how many of them it has a value of,"""
+    wrong: int
+    """and how many of these are not as expected."""
+    absent: list[str] = field(default_factory=list)
+    """Drives in the list that are not in the capture."""
+
+
+@dataclass(slots=True, repr=False, eq=False)
 class CaptureResult(Plain):
     """All that one capture says. `files` only for a series, `relations` only if cyclic frames have channels.
 
@@ -793,6 +807,8 @@ class CaptureResult(Plain):
     """The kinds of the first frames, if nothing is PROFINET, PROFIBUS or S7."""
     narrowed: Narrowed | None = None
     """None if everything is here."""
+    expected: Expected | None = None
+    """None without a golden list."""
     whole: CaptureResult | None = None
     """The whole result, if this one is narrowed: what it proves also holds for the part that is shown."""
 

@@ -256,7 +256,7 @@ def test_frames_that_a_program_has(captures: Path) -> None:
 
 
 def test_choices_are_those_of_analyze() -> None:
-    own = {"path", "engine", "tshark", "digest"}
+    own = {"path", "engine", "tshark", "digest", "expect"}
     assert set(inspect.signature(ds47.analyze).parameters) - own == set(
         ds47.Choices.__annotations__
     )

@@ -54,6 +54,7 @@ Other tests have them.
 
 ELSEWHERE = {
     "DS601": "two engines disagree about one capture, which no step of a conversation makes",
+    "DS602": "a user expects other parameters, in a list that no conversation has: test_expected.py",
     "DS109": "more than ds47 keeps is open at once, which takes thousands of frames: test_limits.py",
     **{
         rule: "it is about cyclic frames, and these are no conversation: test_parameter_channels.py"

@@ -12,12 +12,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, ClassVar, Protocol, cast
+from typing import TYPE_CHECKING, BinaryIO, ClassVar, Protocol, cast
 
 from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.batch.tasks import Task, read
 from ds47.capture import CaptureError
 from ds47.model import CaptureResult, Finding, Transaction
+
+if TYPE_CHECKING:
+    from ds47.parameters.expected import Expectation
 
 _AT_ONCE = 256
 """Transactions that are written together."""
@@ -50,6 +53,7 @@ class Spool:
     options: AnalysisOptions
     streams: bool
     """As in the report's writer (`ds47.report.Writer`)."""
+    expected: tuple[Expectation, ...] = ()
     is_kept: ClassVar[bool] = False
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
@@ -63,7 +67,7 @@ class Spool:
                 batch.clear()
 
         on_finished = finished if self.streams else None
-        result = read(task, self.options, on_finished)
+        result = read(task, self.options, on_finished, self.expected)
         if batch:
             pickle.dump(batch, stream, pickle.HIGHEST_PROTOCOL)
         pickle.dump(result, stream, pickle.HIGHEST_PROTOCOL)

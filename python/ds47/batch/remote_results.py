@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from ds47.analysis import AnalysisOptions
 from ds47.batch.endings import Lost
@@ -20,6 +21,9 @@ from ds47.batch.results import OVERVIEW, Results
 from ds47.batch.tasks import Task
 from ds47.capture.remote import file_system, is_url, reason
 from ds47.report.overview import CaptureRow
+
+if TYPE_CHECKING:
+    from ds47.parameters.expected import Expectation
 
 _AT_ONCE = 128
 """Results that are fetched together."""
@@ -33,9 +37,11 @@ class RemoteResults(Results):
         ds47.capture.CaptureError: nothing opens such a URL.
     """
 
-    def __init__(self, url: str, options: AnalysisOptions, lang: str) -> None:
+    def __init__(
+        self, url: str, options: AnalysisOptions, lang: str, expected: tuple[Expectation, ...]
+    ) -> None:
         self._scratch = TemporaryDirectory(prefix="ds47-")
-        super().__init__(Path(self._scratch.name), options, lang)
+        super().__init__(Path(self._scratch.name), options, lang, expected)
         self._url = url if url.endswith("://") else url.rstrip("/")
         self._system, base = file_system(url)
         self._base = base.rstrip("/")
@@ -139,15 +145,20 @@ class RemoteResults(Results):
             raise OSError(errno.EIO, reason(problem), self._url) from problem
 
 
-def results_at(name: str, options: AnalysisOptions, lang: str = "en") -> Results:
+def results_at(
+    name: str,
+    options: AnalysisOptions,
+    lang: str = "en",
+    expected: tuple[Expectation, ...] = (),
+) -> Results:
     """The results in a folder of this machine, or behind a URL.
 
     Raises:
         ds47.capture.CaptureError: nothing opens such a URL.
     """
     if not is_url(name):
-        return Results(Path(name), options, lang)
+        return Results(Path(name), options, lang, expected)
     system, path = file_system(name)
     if "file" in system.protocol:
-        return Results(Path(path), options, lang)
-    return RemoteResults(name, options, lang)
+        return Results(Path(path), options, lang, expected)
+    return RemoteResults(name, options, lang, expected)

@@ -14,11 +14,11 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO, ClassVar, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, cast
 
 from ds47.analysis import AnalysisOptions
 from ds47.batch.products import discard, draft_of, whole
-from ds47.batch.settings import options_for
+from ds47.batch.settings import expected_for, options_for
 from ds47.batch.tasks import Task, read
 from ds47.capture.remote import is_url
 from ds47.model import CaptureResult
@@ -27,6 +27,9 @@ from ds47.report import SCHEMA, ReportOptions, load
 from ds47.report import json as contract
 from ds47.report.overview import CaptureRow, document
 from ds47.version import __version__
+
+if TYPE_CHECKING:
+    from ds47.parameters.expected import Expectation
 
 OVERVIEW = "overview.json"
 DAMAGED = "damaged result"
@@ -47,17 +50,18 @@ class StoredResult:
 
     options: AnalysisOptions
     lang: str = "en"
+    expected: tuple[Expectation, ...] = ()
     is_kept: ClassVar[bool] = True
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         """Writes `ds47.report/2` with the key `run`, which stands in the first line."""
-        result = read(task, self.options)
+        result = read(task, self.options, expected=self.expected)
         sealed = _Sealed(stream)
         text = io.TextIOWrapper(
             cast(BinaryIO, sealed), "utf-8", errors="backslashreplace", newline="\n"
         )
         writer = contract.Writer(text, ReportOptions(lang=self.lang))
-        made = _made_of(task, self.options, self.lang)
+        made = _made_of(task, self.options, self.lang, self.expected)
         run = {"seal": _UNSEALED, **made, "row": CaptureRow.of(result).plain()}
         writer.about = {"run": run}
         writer.capture(result)
@@ -101,7 +105,9 @@ def _whole(data: bytes, seal: str) -> bool:
     return len(seal) == len(_UNSEALED) and hashlib.sha256(unsealed).hexdigest() == seal
 
 
-def _made_of(task: Task, options: AnalysisOptions, lang: str) -> dict[str, Any]:
+def _made_of(
+    task: Task, options: AnalysisOptions, lang: str, expected: tuple[Expectation, ...]
+) -> dict[str, Any]:
     """What a result depends on, besides the version: when it is the same, so is the result."""
     options = options_for(task.path, options)
     chosen = options._asdict() | {
@@ -112,6 +118,8 @@ def _made_of(task: Task, options: AnalysisOptions, lang: str) -> dict[str, Any]:
         "lists": [asdict(each) for each in options.lists],
         "lang": lang,
     }
+    if expected := expected or expected_for(task.sources[0].location):
+        chosen["expected"] = expected
     sources = [
         {"path": each.name, "size": each.size, "mark": each.mark, "missing_before": each.missing}
         for each in task.sources
@@ -124,9 +132,15 @@ def _made_of(task: Task, options: AnalysisOptions, lang: str) -> dict[str, Any]:
 class Results:
     """A folder of results, and which of them there are already."""
 
-    def __init__(self, folder: Path, options: AnalysisOptions, lang: str = "en") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        options: AnalysisOptions,
+        lang: str = "en",
+        expected: tuple[Expectation, ...] = (),
+    ) -> None:
         self.folder = folder
-        self._options, self._lang = options, lang
+        self._options, self._lang, self._expected = options, lang, expected
         self._names: dict[str, str] = {}
 
     def path_of(self, task: Task) -> Path:
@@ -155,7 +169,7 @@ class Results:
         except (OSError, *_MISSHAPEN):
             # os.path: a name that is too long is no error there
             return DAMAGED if os.path.exists(self.path_of(task)) else "no result"  # noqa: PTH110
-        now = _made_of(task, self._options, self._lang)
+        now = _made_of(task, self._options, self._lang, self._expected)
         if version != __version__:
             return "another version of ds47"
         if not self._intact(task, made):

@@ -1,8 +1,8 @@
-"""What the `ds47.toml` beside captures says of channels and reports: `[cyclic]`, `[s7]`, `[names]`, `[report]`.
+"""What the `ds47.toml` beside captures says of them and of reports.
 
 `[cyclic]` has `channels`, `ppo` and `pkw_layout`, `[s7]` has `ports`, `cpu`, `block` and `readback`, `[names]` has
-`vendor`. What a folder
-of captures does not show is named once there, and not at each command. What is typed at a command counts more.
+`vendor`, `[expect]` the `file` that says what parameters should be. What a folder of captures does not show is
+named once there, and not at each command. What is typed at a command counts more.
 `[report]` is the title block of a page (`ds47.report.heading`), and `tz` there the zone of times of day.
 Everything else in the file is about comparing results (`ds47.regression.config`).
 """
@@ -25,6 +25,7 @@ from ds47.s7.choices import Choices
 
 if TYPE_CHECKING:
     from ds47.cyclic.named import Name
+    from ds47.parameters.expected import Expectation
 
 FILE: Final = "ds47.toml"
 
@@ -40,6 +41,8 @@ class Settings(NamedTuple):
     heading: Heading = Heading()
     zone: Zone | None = None
     """That of times of day."""
+    expected: tuple[Expectation, ...] = ()
+    """The golden list."""
 
 
 def parse(table: Any) -> Settings:
@@ -110,6 +113,23 @@ def parse_names(table: Any) -> int | None:
     return None if vendor is None else SIEMENS
 
 
+def parse_expect(table: Any) -> str | None:
+    """The name of the golden list in `[expect]`.
+
+    Raises:
+        ValueError: the key and what is allowed.
+    """
+    if not isinstance(table, dict):
+        raise ValueError("expect: write it as a table, [expect]")
+    unknown = set(table) - {"file"}
+    if unknown:
+        raise ValueError(f"[expect]: unknown key {min(unknown)!r}; known is file")
+    name = table.get("file")
+    if table and not (isinstance(name, str) and name):
+        raise ValueError('[expect] file: write the name of a list, such as "golden.toml"')
+    return name
+
+
 def _texts(table: dict[str, Any], key: str, name: str = "cyclic") -> Sequence[str]:
     found = table.get(key, [])
     if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
@@ -164,6 +184,18 @@ def options_for(location: str, options: AnalysisOptions) -> AnalysisOptions:
     )
 
 
+def expected_for(location: str) -> tuple[Expectation, ...]:
+    """The golden list for a capture that the nearest `ds47.toml` names; URLs and pipes have none.
+
+    Raises:
+        ds47.capture.CaptureError: the file says something that cannot be, or its list cannot be read.
+    """
+    path = Path(location)
+    if "://" in location or not path.is_file():
+        return ()
+    return _nearest(path.resolve().parent).expected
+
+
 def heading_for(locations: Sequence[str]) -> Heading:
     """The title block that the nearest `ds47.toml` of the first capture, or folder, says.
 
@@ -210,6 +242,19 @@ def _read(path: Path) -> Settings:
             vendor_id=parse_names(table.get("names", {})),
             heading=heading.parse(report),
             zone=None if tz is None else parse_tz(tz),
+            expected=_expected(path.parent, parse_expect(table.get("expect", {}))),
         )
     except (OSError, ValueError) as problem:  # a mistake in TOML is a ValueError, too
         raise CaptureError(f"{path}: {problem}") from None
+
+
+def _expected(folder: Path, name: str | None) -> tuple[Expectation, ...]:
+    """The golden list of this name; a relative one is that of the folder."""
+    if name is None:
+        return ()
+    from ds47.parameters import expected, lists
+
+    try:
+        return expected.read(folder / name)
+    except lists.ListError as problem:
+        raise ValueError(f"[expect] file: {problem}") from problem

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ds47.analysis import AnalysisOptions, OnTransaction, analyze
-from ds47.batch.settings import options_for
+from ds47.batch.settings import expected_for, options_for
 from ds47.capture import CaptureError, Series, open_capture, sha256
 from ds47.capture.names import is_capture
 from ds47.capture.remote import facts, is_url
@@ -22,6 +22,7 @@ from ds47.model import CaptureResult
 
 if TYPE_CHECKING:
     from ds47.capture.rings import Ring
+    from ds47.parameters.expected import Expectation
 
 STDIN = "-"
 
@@ -145,13 +146,27 @@ def _source(name: str, missing: int = 0) -> Source:
 
 
 def read(
-    task: Task, options: AnalysisOptions, finished: OnTransaction | None = None
+    task: Task,
+    options: AnalysisOptions,
+    finished: OnTransaction | None = None,
+    expected: tuple[Expectation, ...] = (),
 ) -> CaptureResult:
     """Analyses a task; `finished` as in `ds47.analysis.analyze`.
+
+    With parameters that are expected, by the caller or by its `ds47.toml`, all transactions come at the end.
 
     Raises:
         ds47.capture.CaptureError: none of it can be read, or its `ds47.toml` cannot be used.
     """
+    expected = expected or expected_for(task.sources[0].location)
+    if not expected:
+        return _read(task, options, finished)
+    from ds47.report.expected import judged
+
+    return judged(_read(task, options, None), expected, options, finished)
+
+
+def _read(task: Task, options: AnalysisOptions, finished: OnTransaction | None) -> CaptureResult:
     if task.series:
         with Series(task.parts) as series:
             result = analyze(series, options_for(task.path, options), finished)

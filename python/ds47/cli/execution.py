@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ds47.batch.runner import PathOf
     from ds47.batch.tasks import Task
     from ds47.cli.run import Analyzer, Runner
+    from ds47.parameters.expected import Expectation
 
 
 _NOT_ALL = 3
@@ -45,6 +46,7 @@ class Execution(NamedTuple):
     folder: str | None
     resume: bool
     scheduler: str | None
+    expected: tuple[Expectation, ...] = ()
 
     def check(self, paths: Sequence[str], series: bool) -> None:
         """Raises click.UsageError where options do not go together."""
@@ -68,7 +70,7 @@ class Execution(NamedTuple):
         from ds47.capture import CaptureError
 
         try:
-            results = results_at(self.folder, self.analysis, self.lang)
+            results = results_at(self.folder, self.analysis, self.lang, self.expected)
             results.name(tasks, roots)
             results.begin()
             if self.resume:
@@ -91,7 +93,7 @@ class Execution(NamedTuple):
     ) -> None:
         """Analyses what is to be done and reports on all."""
         if results is None and self.scheduler is None and self._jobs(tasks) == 1:
-            run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark, self.lang))
+            run.here(tasks, self._analyzer())
             return
         from ds47.batch.endings import Failed, Lost
 
@@ -111,7 +113,7 @@ class Execution(NamedTuple):
         from ds47.batch.products import Spool
 
         numbers = {task.path: str(number) for number, task in enumerate(tasks)}
-        make = Spool(self.analysis, run.streams)
+        make = Spool(self.analysis, run.streams, self.expected)
         with TemporaryDirectory(prefix="ds47-") as folder:
             runner = self._runner(tasks, make, lambda task: Path(folder, numbers[task.path]))
             run.spooled(runner, tasks)
@@ -128,7 +130,8 @@ class Execution(NamedTuple):
         from ds47.report.overview import Writer as Overview
 
         rows = writer.rows if isinstance(writer, Overview) else None
-        runner = self._runner(todo, StoredResult(self.analysis, self.lang), results.path_of)
+        make = StoredResult(self.analysis, self.lang, self.expected)
+        runner = self._runner(todo, make, results.path_of)
         results.end(run.stored(results, tasks, todo, runner, rows), os.getpid())
 
     def _jobs(self, tasks: Sequence[Task]) -> int:
@@ -137,6 +140,33 @@ class Execution(NamedTuple):
         if self.engine != "native":
             return 1
         return useful_jobs(tasks) if self.jobs is None else self.jobs or cores()
+
+    def _analyzer(self) -> Analyzer:
+        """What analyses a capture with these options, in this process."""
+        options, expected = self.analysis, self.expected
+        if self.engine == "native":
+            from ds47.batch.tasks import read
+
+            return lambda task, finished: read(task, options, finished, expected)
+        from ds47.wireshark.engine import Engine
+        from ds47.wireshark.tshark import NotReadyError
+
+        try:
+            other = Engine(
+                "both" if self.engine == "both" else "tshark", options, self.tshark, self.lang
+            )
+        except NotReadyError as problem:
+            raise click.ClickException(str(problem)) from problem
+
+        def analyze(task: Task, finished: OnTransaction | None) -> CaptureResult:
+            source = sys.stdin.buffer if task.path == STDIN else task.path
+            if not expected:
+                return other.analyze(source, finished)
+            from ds47.report.expected import judged
+
+            return judged(other.analyze(source), expected, options, finished)
+
+        return analyze
 
     def _runner(self, tasks: Sequence[Task], make: Product, path_of: PathOf) -> Runner:
         if self.scheduler is not None and tasks:
@@ -166,23 +196,3 @@ def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:
             text += f", {'the first is ' if number > 1 else ''}{results.shown(first)}"
         warn(text)
     return [task for task in tasks if reasons[task.path] is not None]
-
-
-def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None, lang: str) -> Analyzer:
-    """What analyses a capture with these options, in this process."""
-    if engine == "native":
-        from ds47.batch.tasks import read
-
-        return lambda task, finished: read(task, options, finished)
-    from ds47.wireshark.engine import Engine
-    from ds47.wireshark.tshark import NotReadyError
-
-    try:
-        other = Engine("both" if engine == "both" else "tshark", options, tshark, lang)
-    except NotReadyError as problem:
-        raise click.ClickException(str(problem)) from problem
-
-    def analyze(task: Task, finished: OnTransaction | None) -> CaptureResult:
-        return other.analyze(sys.stdin.buffer if task.path == STDIN else task.path, finished)
-
-    return analyze

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
     from ds47.batch.tasks import Task
     from ds47.cyclic.named import Name
+    from ds47.parameters.expected import Expectation
     from ds47.parameters.lists import ParameterList
     from ds47.report.zones import Zone
     from ds47.s7.choices import Choices
@@ -302,6 +303,22 @@ def _lists(names: Sequence[str], kept: bool) -> tuple[ParameterList, ...]:
         return (*own, *(lists.read(Path(name)) for name in names))
     except lists.ListError as problem:
         raise click.UsageError(str(problem)) from problem
+
+
+def expected_in(name: str | None) -> tuple[Expectation, ...]:
+    """The golden list of --expect.
+
+    Raises:
+        click.UsageError: it cannot be read.
+    """
+    if name is None:
+        return ()
+    from ds47.parameters import expected, lists
+
+    try:
+        return expected.read(Path(name))
+    except lists.ListError as problem:
+        raise click.UsageError(f"--expect {problem}") from problem
 
 
 def _channels(names: str) -> tuple[str, ...]:

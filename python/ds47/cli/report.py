@@ -24,6 +24,7 @@ from ds47.cli.execution import Execution
 from ds47.cli.helping import Helped
 from ds47.cli.options import (
     analysis_options,
+    expected_in,
     fail_on_option,
     heading_options,
     jobs_option,
@@ -55,6 +56,10 @@ UNREADABLE, NOTHING = 3, 1
         ("ds47 report machine.pcapng -o machine.html", "the same as a page"),
         ("ds47 report -s failed --do 3 machine.pcapng", "what failed on drive object 3"),
         ("ds47 report --summary captures", "a folder in 12 lines"),
+        (
+            "ds47 report --expect golden.toml machine.pcapng",
+            "which parameters are not as they should be",
+        ),
     ),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
@@ -77,6 +82,11 @@ UNREADABLE, NOTHING = 3, 1
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser (html).")
 @fail_on_option
 @require_option
+@click.option(
+    "--expect",
+    metavar="LIST",
+    help="Compare parameters with a golden list: TOML, CSV, or -f parameters of a good machine.",
+)
 @click.option(
     "--plc",
     is_flag=True,
@@ -148,6 +158,7 @@ def command(
     opens: bool,
     fail_on: str,
     required: str | None,
+    expect: str | None,
     plc: bool,
     reference: str | None,
     summary: bool,
@@ -179,7 +190,8 @@ def command(
     collect_rarely()
     asked = {name: options.pop(name) for name in CRITERIA}
     execution = Execution(
-        options_from(**options, kept_lists=True), lang, engine, tshark, jobs, results_name, resume, scheduler
+        options_from(**options, kept_lists=True), lang, engine, tshark, jobs, results_name, resume, scheduler,
+        expected_in(expect),
     )  # fmt: skip
     execution.check(paths, series)
     name = format_name or _of_name(output_name) or ("overview" if results_name else "text")

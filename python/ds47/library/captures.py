@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from decimal import Decimal
 
     from ds47.batch.tasks import Task
+    from ds47.parameters.expected import Expectation
 
 _ETHERNET = 1
 
@@ -46,6 +47,7 @@ def analyze(
     ignore: str | Iterable[str] = (),
     options: Options | None = None,
     digest: bool = False,
+    expect: str | Path | None = None,
 ) -> Result:
     """Analyses one capture.
 
@@ -72,11 +74,12 @@ def analyze(
         ignore: rules to leave out.
         options: dialects of the parameter channel.
         digest: whether to compute the SHA-256 of the file, which reads every byte.
+        expect: a file that says what parameters should be (DS602), TOML or CSV; docs/how-to/as-it-should-be.md.
 
     Raises:
         CaptureError: nothing of the capture can be read.
-        ValueError: there is no such rule, engine, channel, port or CPU, a name in `cyclic` is none, or the files
-            are not those of one ring buffer.
+        ValueError: there is no such rule, engine, channel, port or CPU, a name in `cyclic` is none, the files
+            are not those of one ring buffer, or `expect` is no list of parameters.
         TypeError: `slow_ms` is no number.
         NotReadyError: the engine needs tshark or pyshark, and it is missing; the text says what to do.
     """
@@ -87,9 +90,10 @@ def analyze(
             vendor_id=vendor_id, select=select, ignore=ignore, options=options,
         )
     )._replace(digest=digest)  # fmt: skip
+    expected = _expected(expect)
     if isinstance(path, Sequence) and not isinstance(path, str):
-        return Result(_series([str(each) for each in path], engine, options_))
-    return Result(_engine(engine, tshark, options_)(path))
+        return Result(_series([str(each) for each in path], engine, options_, expected))
+    return Result(_engine(engine, tshark, options_, expected)(path))
 
 
 def analyze_many(
@@ -99,6 +103,7 @@ def analyze_many(
     engine: Engine = "native",
     tshark: str | None = None,
     digest: bool = False,
+    expect: str | Path | None = None,
     **choices: Unpack[Choices],
 ) -> Iterator[Result]:
     """Analyses captures, each by itself, and hands out their results in order, each when it is there.
@@ -112,6 +117,7 @@ def analyze_many(
         engine: as for `analyze`, with `tshark`; others than "native" take no more than one job.
         tshark: as for `analyze`.
         digest: as for `analyze`.
+        expect: as for `analyze`.
         choices: keywords of `analyze`.
 
     Raises:
@@ -129,7 +135,7 @@ def analyze_many(
         raise ValueError(f"the engine {engine} takes one job, not {jobs}")
     names = [paths] if isinstance(paths, (str, Path)) else paths
     tasks = plan(list(captures([os.fspath(each) for each in names], _refuse)), series=False)
-    read_one = partial(_read, _engine(engine, tshark, options))
+    read_one = partial(_read, _engine(engine, tshark, options, _expected(expect)))
     jobs = min(jobs or cores(), len(tasks))
     if jobs <= 1:
         return map(Result, map(read_one, tasks))
@@ -166,22 +172,48 @@ def analyze_frames(
         return Result(analyze_natively(capture, options))
 
 
+def _expected(name: str | Path | None) -> tuple[Expectation, ...]:
+    if name is None:
+        return ()
+    from ds47.parameters import expected, lists
+
+    try:
+        return expected.read(Path(name))
+    except lists.ListError as problem:
+        raise ValueError(str(problem)) from problem
+
+
 def _engine(
-    engine: Engine, tshark: str | None, options: AnalysisOptions
+    engine: Engine,
+    tshark: str | None,
+    options: AnalysisOptions,
+    expected: tuple[Expectation, ...],
 ) -> Callable[[str | Path | BinaryIO], CaptureResult]:
     """What analyses a capture in this process."""
     if engine not in get_args(Engine):
         raise ValueError(f"no engine {engine!r}: {', '.join(get_args(Engine))}")
-    if engine == "native":
-        return partial(_native, options)
-    from ds47.wireshark.engine import Engine as Tshark
+    analyze_: Callable[[str | Path | BinaryIO], CaptureResult] = partial(_native, options)
+    if engine != "native":
+        from ds47.wireshark.engine import Engine as Tshark
 
-    return Tshark(engine, options, tshark or os.environ.get("DS47_TSHARK")).analyze
+        analyze_ = Tshark(engine, options, tshark or os.environ.get("DS47_TSHARK")).analyze
+    return partial(_judged, analyze_, options, expected) if expected else analyze_
 
 
 def _native(options: AnalysisOptions, path: str | Path | BinaryIO) -> CaptureResult:
     """A function of plain Python: one that is compiled need not be one that other processes can be sent."""
     return analyze_natively(path, options)
+
+
+def _judged(
+    analyze_: Callable[[str | Path | BinaryIO], CaptureResult],
+    options: AnalysisOptions,
+    expected: tuple[Expectation, ...],
+    path: str | Path | BinaryIO,
+) -> CaptureResult:
+    from ds47.report.expected import judged
+
+    return judged(analyze_(path), expected, options)
 
 
 def _read(analyze_: Callable[[str], CaptureResult], task: Task) -> CaptureResult:
@@ -211,10 +243,12 @@ def _nanoseconds(time: float | Decimal | str) -> int:
         raise ValueError(f"{time!r} is no time of a frame: seconds since 1970") from problem
 
 
-def _series(paths: list[str], engine: Engine, options: AnalysisOptions) -> CaptureResult:
+def _series(
+    paths: list[str], engine: Engine, options: AnalysisOptions, expected: tuple[Expectation, ...]
+) -> CaptureResult:
     from ds47.batch.tasks import plan, read
 
     tasks = plan(paths, series=True)
     if len(tasks) != 1 or engine != "native":
         raise ValueError(f"{paths}: not the files of one ring buffer, for the native engine")
-    return read(tasks[0], options)
+    return read(tasks[0], options, expected=expected)

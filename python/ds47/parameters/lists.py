@@ -120,7 +120,7 @@ def read(
 
 def _lines(path: Path) -> Iterator[list[str]]:
     """The rows of a file of separated values, with any separator."""
-    text = _text(path.read_bytes())
+    text = text_of(path.read_bytes())
     sample = text[:8192]
     try:
         dialect: Any = csv.Sniffer().sniff(sample, delimiters=",;\t|")
@@ -132,7 +132,7 @@ def _lines(path: Path) -> Iterator[list[str]]:
         raise ListError(f"no table of separated values: {problem}") from problem
 
 
-def _text(data: bytes) -> str:
+def text_of(data: bytes) -> str:
     """A text in one of the encodings of spreadsheets."""
     for encoding in _ENCODINGS:
         if encoding == "utf-16" and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -240,7 +240,7 @@ def values_of(text: str) -> dict[int, str]:
 def _of_toml(path: Path) -> ParameterList:
     """A list in the form of docs/parameters.md."""
     try:
-        document = tomllib.loads(_text(path.read_bytes()))
+        document = tomllib.loads(text_of(path.read_bytes()))
     except tomllib.TOMLDecodeError as problem:
         raise ListError(f"no TOML: {problem}") from problem
     about = document.get("list", {})

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ds47 import spec
-from ds47.batch.settings import FILE, parse_names, parse_s7
+from ds47.batch.settings import FILE, parse_expect, parse_names, parse_s7
 from ds47.batch.settings import parse as parse_cyclic
 from ds47.model import SEVERITIES
 from ds47.report.heading import parse as parse_heading
@@ -160,7 +160,7 @@ def load(path: Path) -> Config:
         raise ConfigError(f"{path}: {problem}") from None
 
 
-_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic", "s7", "names", "report")
+_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic", "s7", "names", "report", "expect")  # fmt: skip
 
 
 def _config(folder: Path, table: dict[str, Any]) -> Config:
@@ -170,6 +170,7 @@ def _config(folder: Path, table: dict[str, Any]) -> Config:
         parse_s7(table.get("s7", {}))
         parse_names(table.get("names", {}))
         parse_heading(table.get("report", {}))
+        parse_expect(table.get("expect", {}))
     except ValueError as problem:
         raise ConfigError(str(problem)) from None
     tolerance = _section(table, "tolerance")

@@ -181,6 +181,19 @@ def _replay(writer: Writer, result: CaptureResult) -> None:
     writer.capture(replace(result, transactions=[], findings=rest))
 
 
+def handed_out(
+    result: CaptureResult, take: Callable[[Transaction, list[Finding]], None]
+) -> CaptureResult:
+    """Gives the transactions away in the order in which they ended, as an analysis does; returns the rest."""
+    about: dict[int | None, list[Finding]] = {}
+    for finding in result.findings:
+        about.setdefault(finding.transaction, []).append(finding)
+    for transaction in sorted(result.transactions, key=lambda t: max(t.frames.all(), default=0)):
+        take(transaction, about.pop(transaction.id, []))
+    rest = [finding for findings in about.values() for finding in findings]
+    return replace(result, transactions=[], findings=rest)
+
+
 def is_text(format_name: str | None) -> bool:
     """Whether a string value of this format is text from the drive (docs/protocol.md A.6).
 

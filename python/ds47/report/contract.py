@@ -674,6 +674,13 @@ NARROWED = Shape("narrowed", (
     Key("unproved", COUNT, "Transactions that may be of the drive object that is asked for; nothing proves it."),
 ), model.Narrowed, "What a report that was narrowed leaves out; docs/report.md.")  # fmt: skip
 
+EXPECTED = Shape("expected", (
+    Key("parameters", COUNT, "So many are expected of the drives in the capture."),
+    Key("seen", COUNT, "Of so many of them it has a value."),
+    Key("wrong", COUNT, "So many of these are not as expected (DS602)."),
+    Key("absent", many(TEXT), "Drives in the list that are not in the capture."),
+), model.Expected, "What the capture shows of the parameters in a golden list; docs/report.md.")  # fmt: skip
+
 _CELL: dict[str, Any] = {
     "type": ["object", "null"], "additionalProperties": False, "required": ["value", "frame"],
     "properties": {
@@ -754,6 +761,7 @@ HEAD = (
     Key("buffers", many(BUFFER_SCHEMA, 1), "Only where more of faults or alarms was read than their numbers.",
         tell=lambda item, _: [_told_buffer(each) for each in buffers.buffers(item)], into="", required=False),
     Key("narrowed", ref("narrowed"), "Only where a part of the capture is shown.", shape=NARROWED, required=False),
+    Key("expected", ref("expected"), "Only where a golden list is given.", shape=EXPECTED, required=False),
 )  # fmt: skip
 LISTS = (
     Key("devices", many(ref("device")), shape=DEVICE),

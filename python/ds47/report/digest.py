@@ -67,6 +67,8 @@ class Digest(NamedTuple):
     when: Both | None
     narrowed: Both | None
     """Which part of the capture is shown; None for all of it."""
+    expected: Both | None
+    """What it shows of the parameters in a golden list; None without one."""
     start: str | None
     """Times of the first and the last frame, as in the JSON of a report."""
     end: str | None
@@ -97,6 +99,7 @@ class Digest(NamedTuple):
             inventory(counts) if counts.level != "good" else None,
             clock.span(result),
             _narrowed(result),
+            _expected(result),
             result.start,
             result.end,
             [_short(each, alike.pop(each.rule, 0), several, files, clock, times) for each in shown],
@@ -120,6 +123,14 @@ def _narrowed(result: CaptureResult) -> Both | None:
     from ds47.report.narrowing import narrowed_words  # few reports are
 
     return narrowed_words(result)
+
+
+def _expected(result: CaptureResult) -> Both | None:
+    if result.expected is None:
+        return None
+    from ds47.report.expected import expected_words  # few reports are compared
+
+    return expected_words(result.expected)
 
 
 def _short(

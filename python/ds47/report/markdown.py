@@ -66,6 +66,7 @@ class Writer(Digests):
             digest.there,
             digest.when,
             digest.narrowed,
+            digest.expected,
             mirror,
         )
         shown = "; ".join(self._text(each) for each in parts if each)

@@ -115,7 +115,7 @@ class Short:
         lines = [self._title(digest), *(self._paint(COLORS[digest.level], each) for each in heads)]
         lines += [
             self._cut(f"  {each.text(self._lang)}")
-            for each in (mirror, digest.there, digest.when, digest.narrowed)
+            for each in (mirror, digest.there, digest.when, digest.narrowed, digest.expected)
             if each
         ]
         last = (

@@ -274,6 +274,10 @@ class Writer(_Writer):
             from ds47.report.narrowing import narrowed_words
 
             yield narrowed_words(result).text(self.options.lang)
+        if result.expected is not None:
+            from ds47.report.expected import expected_words
+
+            yield expected_words(result.expected).text(self.options.lang)
         if not result.complete or result.problem:
             problem = escape(result.problem or self._say("file_ends_early"))
             yield self._paint("error", self._say("partly_read", problem=problem))

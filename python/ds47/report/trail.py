@@ -43,6 +43,8 @@ class KnownValue(NamedTuple):
     how: str
     frame: int
     start_ns: int
+    transaction: int
+    """Its id."""
 
 
 @dataclass(slots=True)
@@ -241,7 +243,9 @@ class _Walk:
             if change.outcome == ACCEPTED and change.new is not None:
                 scaled = _scaled(change.parameter, change.subindex)
                 form = change.parameter.format
-                cell.last = KnownValue(change.new, scaled, form, "written", frame, item.start_ns)
+                cell.last = KnownValue(
+                    change.new, scaled, form, "written", frame, item.start_ns, item.id
+                )
                 cell.certain = sure
 
     def _read(self, item: Transaction, frame: int) -> None:
@@ -259,7 +263,7 @@ class _Walk:
                 elif value is not None:
                     scaled = _scaled(parameter, subindex)
                     cell.last = KnownValue(
-                        value, scaled, parameter.format, "read", frame, item.start_ns
+                        value, scaled, parameter.format, "read", frame, item.start_ns, item.id
                     )
                     asked = max(cell.touched, state.forgotten) < _first(item)
                     cell.certain = asked and not cell.open and not state.open

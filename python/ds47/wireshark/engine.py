@@ -47,8 +47,8 @@ from ds47.parameters import table
 from ds47.profibus import LINK_TYPES
 from ds47.regression.compare import Change, compare
 from ds47.regression.config import Config
+from ds47.report import handed_out, load
 from ds47.report import json as report
-from ds47.report import load
 from ds47.report.sentences import renumbered
 from ds47.spec.semantics import limits
 from ds47.wireshark import tshark
@@ -128,7 +128,7 @@ class Engine:
             raise CaptureError(f"{native.path}: the plugin failed: {errors[0]}")
         if self._options.digest and isinstance(source, (str, Path)) and str(source) != "-":
             result.sha256 = sha256(source)
-        return result if on_transaction is None else _handed_out(result, on_transaction)
+        return result if on_transaction is None else handed_out(result, on_transaction)
 
     def _ask(
         self, capture: _Extract, extract: Path, native: CaptureResult, whole: bool
@@ -420,14 +420,3 @@ def _frame(change: Change, native: CaptureResult, found: CaptureResult) -> int |
         return found.transactions[change.now].frames.first()
     about = change.is_now or change.was
     return about.get("frame") if isinstance(about, dict) else None
-
-
-def _handed_out(result: CaptureResult, on_transaction: OnTransaction) -> CaptureResult:
-    """Gives the transactions away in the order in which they ended, as an analysis does."""
-    about: dict[int | None, list[Finding]] = {}
-    for finding in result.findings:
-        about.setdefault(finding.transaction, []).append(finding)
-    for transaction in sorted(result.transactions, key=lambda t: max(t.frames.all(), default=0)):
-        on_transaction(transaction, about.pop(transaction.id, []))
-    rest = [finding for findings in about.values() for finding in findings]
-    return replace(result, transactions=[], findings=rest)

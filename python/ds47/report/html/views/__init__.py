@@ -15,6 +15,7 @@ from markupsafe import Markup
 from ds47.model import CaptureResult
 from ds47.report import buffers, bus, causes, json
 from ds47.report.clock import Clock
+from ds47.report.expected import expected_words
 from ds47.report.formatting import escape
 from ds47.report.html import messages
 from ds47.report.html.embed import data_element
@@ -136,6 +137,7 @@ class CaptureView:
     sha256: str | None
     span: Both | None
     narrowed: Both | None
+    expected: Both | None
     dated: bool
     """Whether times of day are known."""
     clock: str
@@ -200,6 +202,7 @@ def capture_view(
         sha256=result.sha256,
         span=clock.span(result),
         narrowed=None if result.narrowed is None else narrowed_words(result),
+        expected=None if result.expected is None else expected_words(result.expected),
         dated=clock.known,
         clock=json.text(for_script(clock)),
         quality=remarks,
