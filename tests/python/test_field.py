@@ -81,7 +81,9 @@ def test_a_number_of_a_maker_without_a_table_is_looked_up_in_its_manual(
     path.write_bytes(whole.replace(b"\x00\x01\x01\xba", b"\x00\x01\x02\x13"))
     result = result_of(path)
     assert "DS717" in {each.rule for each in result.findings}
-    (told,) = [each for each in result.findings if each.rule == "DS701" and each.args["code"] == 0x67]
+    (told,) = [
+        each for each in result.findings if each.rule == "DS701" and each.args["code"] == 0x67
+    ]
     assert "0x67: see the manual of Yaskawa, vendor 0x0213" in sentence(told)
     for rule in ("DS410", "DS701"):
         said = advice(rules()[rule], told.args)

@@ -165,3 +165,17 @@ def test_how_long_a_request_without_a_response_stood(end: int | None, told: list
     found = list(judge.unanswered(relation, job))
     assert [each.args["milliseconds"] for each in found] == told
     assert {each.rule for each in found} <= {"DS514"}
+
+
+@pytest.mark.parametrize(("cycle", "state"), [(5, "incomplete"), (60, "mismatch")])
+def test_an_answer_is_to_a_later_request_only_where_that_is_near(cycle: int, state: str) -> None:
+    """Cycles that are missing show where there are many: a read of the parameter came long after the odd answer."""
+    found: list[PkwJob] = []
+    channel = PkwChannel(found.append)
+    channel.sent(bytes(8), at(1))
+    channel.answered(bytes(8), at(1))
+    channel.sent(bytes.fromhex("8460000000000005"), at(2))
+    channel.answered(bytes.fromhex("2460000041200000"), at(3))
+    channel.sent(bytes.fromhex("1460000000000000"), at(cycle))
+    channel.finish()
+    assert found[0].state == state

@@ -12,7 +12,7 @@ from talk import request
 from ds47.acyclic.pairing import STATUS_SHORT, Job, Moment, Outcome, Pairing
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
-from ds47.profinet.completeness import Completeness
+from ds47.profinet.completeness import Completeness, Missing
 from ds47.profinet.records import Half, Peer, Record
 from ds47.spec.semantics import Limits, limits, phases
 
@@ -356,3 +356,17 @@ def test_pending_writes_and_channels_are_bounded() -> None:
     channel.open(4, slot=2)
     channel.open(5, slot=3)
     assert channel.closed == [first, *rest]
+
+
+@pytest.mark.parametrize(
+    ("missing", "own"), [(None, True), (Missing("calls", 2, 9, "5..9"), False)]
+)
+def test_a_record_is_for_a_refused_write_if_nothing_is_missing_behind_that(
+    missing: Missing | None, own: bool
+) -> None:
+    """It mirrors the request: its reference never changes, and 0x80 answers any request."""
+    channel = Channel()
+    channel.pairing._missing_after = lambda *_, **__: missing
+    job = channel.ask(reference=229)
+    channel.written(job, status=0xDF80B600)
+    assert (channel.bring(reference=229) is job) is own

@@ -977,6 +977,10 @@ local function of_another(self, channel, job, record)
   end
   local sure = fits and kind_fits(job.message, data) -- a record that is too short is not sure
   local first = found.what == "begins" and (sure or fits and not job.write_refused)
+  if first and job.write_refused then -- a Write may be missing after the refused one
+    found = missing_after(self, job.peer, asked.frame, nil, fits)
+    first = found == nil
+  end
   return not (first or sure and counts(job, record)) and found or nil
 end
 

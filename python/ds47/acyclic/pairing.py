@@ -615,6 +615,9 @@ class Pairing:
         # A record that is too short for its kind is not sure.
         sure = fits and _is_of_kind(job, half) is True
         first = found.what == "begins" and (fits if not job.write_refused else sure)
+        if first and job.write_refused:  # a Write may be missing behind the refused one
+            found = self._missing_after(job.peer, asked.frame, ordered=fits)
+            first = found is None
         return None if first or (sure and _counts(job, record)) else found
 
     def _of_another_on_line(
