@@ -82,8 +82,10 @@ class _Form:
         if name == "drive":
             return self.of("{device}" if self._args.get("slot") is None else WORDS["drive"])
         self.named.add(name)
-        if kind == "key":
-            return "" if value is None else self._clause(str(value))
+        if kind == "clause" and value is None:
+            return ""
+        if kind in ("key", "clause") and value is not None:
+            return self._clause(str(value))
         if kind == "reason":
             return re.escape(REASONS.get(str(value), "?")) + self.dropped("; ", "")
         if kind == "pnus" and value is not None:

@@ -193,7 +193,7 @@ def test_not_ok_has_its_cause_whoever_made_the_drive(
     ("vendor_id", "error", "words"),
     [
         (FOREIGN, 17, "17 Not possible in this operating state"),
-        (FOREIGN, 107, f"see the manual of the device, vendor 0x{FOREIGN:04X}"),
+        (FOREIGN, 107, f"see the manual of rt-labs, vendor 0x{FOREIGN:04X}"),
         (SIEMENS, 107, "107 No change while the controller is enabled"),
     ],
 )

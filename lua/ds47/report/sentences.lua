@@ -116,10 +116,10 @@ function shown(name, rule, args, lang)
     return drive(args, lang)
   end
   local kind, value = rule.args and rule.args[name] or "text", args[name]
-  if value == nil and kind == "key" then return "" end -- of a clause that is not always there
+  if value == nil and kind == "clause" then return "" end -- it is not always there
   if value == nil then return ABSENT[kind] and "-" or "?" end
   if kind == "reason" then return reason(args, lang) end
-  if kind == "key" then return fill(key_words(value, lang), rule, args, lang) end
+  if kind == "key" or kind == "clause" then return fill(key_words(value, lang), rule, args, lang) end
   if kind == "text" and type(value) == "string" then return part(value, lang) end
   if kind == "pnu" then return naming.spelling(value, args.family) end
   return (SHOW[kind] or plain)(value)

@@ -1597,8 +1597,8 @@ M.rules.DS704.args = {case = "key", frame = "frame", first = "frame", write = "f
 M.rules.DS705.args = {case = "key", controller = "text", ar = "text", frame = "frame", other = "text", other_ar = "text", first = "frame"}
 M.rules.DS709.args = {axis = "number", device = "text", family = "family"}
 M.rules.DS711.args = {have = "number", need = "number", count = "number", fits = "number", case = "key", family = "family"}
-M.rules.DS712.args = {asked = "number", need = "number", more = "key", whole = "number", family = "family"}
-M.rules.DS713.args = {parameters = "number", number = "number", what = "key", pnu = "pnu", subindex = "number", room = "key", limit = "number", fit = "key", fits = "number", most = "number", family = "family"}
+M.rules.DS712.args = {asked = "number", need = "number", more = "clause", whole = "number", family = "family"}
+M.rules.DS713.args = {parameters = "number", number = "number", what = "key", pnu = "pnu", subindex = "number", room = "key", limit = "number", fit = "clause", fits = "number", most = "number", family = "family"}
 M.rules.DS714.args = {pnu = "pnu", subindex = "number", format = "text", values = "values", case = "key", better = "text", better_code = "hex", seen = "frame", bits = "key", meant = "values", code = "code", family = "family"}
 M.rules.DS715.args = {what = "key", meant = "line", family = "family"}
 M.rules.DS716.args = {what = "key", meant = "line", family = "family"}

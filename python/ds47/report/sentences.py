@@ -33,6 +33,8 @@ _OF_ERROR: Final = re.compile(
 _SEVERAL: Final = (", several parameters", "，多个参数")
 """What follows the number if the part is only about requests with several parameters."""
 _FRAMES: Final = ("frame", "frames")
+_KEYS: Final = ("key", "clause")
+"""Types of arguments that are keys of diagnoses.toml; a clause is not always there."""
 _MANY: Final = "_many"
 """The ending of a key of diagnoses.toml for the words about several cases."""
 _BRIEF: Final = "_brief"
@@ -84,7 +86,7 @@ def _names(row: Rule, template: str, args: Mapping[str, Any], form: str) -> set[
     """The arguments that a sentence shows, including those in the words of a key."""
     found = set(_fields(template))
     for name in list(found):
-        if row.args.get(name) == "key" and args.get(name) is not None:
+        if row.args.get(name) in _KEYS and args.get(name) is not None:
             found.update(_fields(_key_words(args[name], "en", form)))
     if "text" in found:
         found.add("status")
@@ -248,10 +250,10 @@ class _Shown(dict[str, str]):
             dropped = self._args.get("dropped")
             between = "；" if self._lang == "zh" else "; "
             return known[value] + (between + known["dropped"] if dropped else "")
-        if kind == "key":  # of a clause that is not always there
-            return (
-                "" if value is None else _key_words(value, self._lang, self._form).format_map(self)
-            )
+        if kind == "clause" and value is None:
+            return ""
+        if kind in _KEYS and value is not None:
+            return _key_words(value, self._lang, self._form).format_map(self)
         if kind == "place" and value is not None:
             return place(value, self._lang)
         if kind == "text" and isinstance(value, str):
