@@ -169,7 +169,7 @@ def test_how_long_a_request_without_a_response_stood(end: int | None, told: list
 
 @pytest.mark.parametrize(("cycle", "state"), [(5, "incomplete"), (60, "mismatch")])
 def test_an_answer_is_to_a_later_request_only_where_that_is_near(cycle: int, state: str) -> None:
-    """Cycles that are missing show where there are many: a read of the parameter came long after the odd answer."""
+    """Cycles that are missing show where there are many: a read came long after the odd answer."""
     found: list[PkwJob] = []
     channel = PkwChannel(found.append)
     channel.sent(bytes(8), at(1))

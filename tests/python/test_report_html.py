@@ -605,7 +605,8 @@ SAMPLES = {
     "info": (3, "3"), "status": ("DF80B700", "DF80B700"), "index": (0xB02E, "0xB02E"), "ms": (2.04, "2.0"),
     "ms3": (2.0404, "2.040"), "text": ("10.0.0.9", "10.0.0.9"), "line": ("x" * 101, "x" * 97 + "..."),
     "pkw": (17, "17"), "value": (1.0, "1.0"), "s7_item": (5, "5"), "s7_error": (0x8104, "0x8104"),
-    "values": ([1, 2, 3, 4, 5], "1, 2, 3, 4, ..."), "dropped": (None, ""), "among": (True, ""), "clause": (None, ""),
+    "values": ([1, 2, 3, 4, 5], "1, 2, 3, 4, ..."), "dropped": (None, ""), "among": (True, ""),
+    "clause": (None, ""),
 }  # fmt: skip
 """A value of each type of argument that needs no words, and how a sentence shows it."""
 

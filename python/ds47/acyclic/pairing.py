@@ -612,13 +612,22 @@ class Pairing:
             return lacks or _unanswered(job, asked)
         if found is None or not half.data or channel.unseen_frame > since:
             return found
+        return self._unless_sure(job, asked, record, found, fits=fits)
+
+    def _unless_sure(
+        self, job: Job, asked: Half, record: Record, found: Missing, *, fits: bool
+    ) -> Missing | None:
+        """What may be missing, unless a record that `fits` is surely that of a job all the same."""
+        half, lacks = record.response, None
+        assert half is not None
         # A record that is too short for its kind is not sure.
         sure = fits and _is_of_kind(job, half) is True
         first = found.what == "begins" and (fits if not job.write_refused else sure)
         if first and job.write_refused:  # a Write may be missing behind the refused one
-            found = self._missing_after(job.peer, asked.frame, ordered=fits)
-            first = found is None
-        return None if first or (sure and _counts(job, record)) else found
+            lacks = self._missing_after(job.peer, asked.frame, ordered=fits)
+        if (first and lacks is None) or (sure and _counts(job, record)):
+            return None
+        return lacks or found
 
     def _of_another_on_line(
         self, channel: Channel, job: Job, asked: Half, record: Record
