@@ -105,7 +105,7 @@ COMMANDS: Final = {
         ("request, 16 bytes", "request_id 0x02 change", "axis 2", "p2900[0] := 10.0"), ("DS302", "unknown")
     ),
     "decode --as request '01 01 00 01 82 01 20 11 00 00'": Said(
-        ("p8209[0].0x82",), ("DS305", "16#10", "warning")
+        ("p8209[0].0x82 0x82 (Stöber: floating point), 1 element",), ("DS305", "16#10", "warning")
     ),
     "explain 'GET 2'": Said(("negative acknowledgement from the partner", "STATUS 2 = 16#0002")),
 }  # fmt: skip
