@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 import pytest
 from fake_tshark import real_tshark
+from test_lua_analysis import VERSIONS, Source, compare
 
 from ds47.analysis import analyze
 from ds47.capture.writer import PcapngWriter
@@ -179,12 +180,16 @@ def test_the_plugin_says_the_same(
 # Variations of cases that no other test has
 
 
-def result_of(client: Client) -> CaptureResult:
+def recorded(client: Client) -> bytes:
     file = io.BytesIO()
     with PcapngWriter(file, link_type=1) as writer:
         for shot in client.stage.shots:
             writer.write(shot.time_ns, shot.data)
-    return analyze(io.BytesIO(file.getvalue()))
+    return file.getvalue()
+
+
+def result_of(client: Client) -> CaptureResult:
+    return analyze(io.BytesIO(recorded(client)))
 
 
 def test_a_change_of_two_parameters_of_a_drive_that_takes_one() -> None:
@@ -207,3 +212,29 @@ def test_two_reads_that_were_too_short_leave_the_response_in_the_drive() -> None
     (item,) = result.transactions
     assert (item.state, [each.values for each in item.parameters]) == ("ok", [[7860] * 8])
     assert {each.rule for each in result.findings} == {"DS201", "DS712"}
+
+
+def refused_with_0x18(elements: int, values: int, behind: bytes) -> Client:
+    client = Client(Stage())
+    pair = message.address(2900, 0, elements), message.real(*[10.0] * values)
+    refused = message.answer(1, 0x82, 1, message.error(0x18))
+    client.exchange(message.change(1, 1, pair) + behind, refused)
+    return client
+
+
+COUNTED: Final = {
+    (1, 1, bytes(20)): "record_longer", (0, 1, bytes(1)): "record_longer", (2, 2, b"\0\1"): "record_longer",
+    (1, 1, b""): "counts_agree", (0, 1, b""): "counts_agree", (2, 1, bytes(20)): "counts", (1, 2, b""): "counts",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("asked", "case"), COUNTED.items(), ids=str)
+def test_what_0x18_can_mean(asked: tuple[int, int, bytes], case: str) -> None:
+    told = [each for each in result_of(refused_with_0x18(*asked)).findings if each.rule == "DS717"]
+    assert [each.args["case"] for each in told] == [case]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_lua_counts_the_same(version: str, tmp_path: Path) -> None:
+    sources = [Source(str(each), recorded(refused_with_0x18(*each)), False) for each in COUNTED]
+    compare(version, "en", sources, tmp_path)
