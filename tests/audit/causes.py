@@ -744,8 +744,24 @@ def _spread(what: object, old: bytes, new: bytes) -> Iterator[str]:
 @auditor("DS717")
 def _index_and_count(case: Case) -> Iterator[str]:
     yield from _refusal(case)
-    if case.args.get("code") not in (0x03, 0x04, 0x16, 0x18):
-        yield f"code {case.args.get('code')!r} speaks of something else"
+    code, deal = case.args.get("code"), case.deal
+    if code not in (0x03, 0x04, 0x16, 0x18):
+        yield f"code {code!r} speaks of something else"
+    if deal is None or deal.asked is None:
+        return
+    asked = deal.asked
+    wanted = case.args.get("pnu"), case.args.get("subindex")
+    agree = code == 0x18 and any(
+        block.count == (address.elements or 1)
+        for address, block in zip(asked.addresses, asked.blocks, strict=False)
+        if (address.pnu, address.subindex) == wanted
+    )
+    longer = agree and asked.rest and not deal.cut
+    yield from case.wrong(
+        "case", "record_longer" if longer else "counts_agree" if agree else "counts"
+    )
+    yield from case.wrong("have", len(asked.data) if longer else None)
+    yield from case.wrong("need", len(asked.data) - len(asked.rest) if longer else None)
 
 
 @auditor("DS718")

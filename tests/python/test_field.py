@@ -114,9 +114,10 @@ def test_a_drive_that_takes_one_parameter_a_request(field: Path) -> None:
 
 def test_counts_that_agree_are_not_the_cause_of_0x18(field: Path) -> None:
     (told,) = [each for each in result_of(field / "len-0x18.pcap").findings if each.rule == "DS717"]
-    said = advice(rules()["DS717"], told.args)
-    assert said.startswith(
-        "0x18: if number of values and number of elements agree, the length is wrong"
+    assert "(number of elements 1, which agrees with the number of values; " in sentence(told)
+    assert "the record has 36 bytes, the message only 16)" in sentence(told)
+    assert advice(rules()["DS717"], told.args).startswith(
+        "Set LEN of WRREC to the length of the message"
     )
 
 

@@ -50,6 +50,32 @@ def test_index_and_count_are_blamed_only_where_the_address_has_them(
 
 
 @pytest.mark.parametrize(
+    ("elements", "values", "behind", "case", "have", "need"),
+    [
+        (1, 1, 20, "record_longer", 36, 16), (0, 1, 1, "record_longer", 17, 16),
+        (1, 1, 0, "counts_agree", None, None), (0, 1, 0, "counts_agree", None, None),
+        (2, 1, 20, "counts", None, None), (1, 2, 0, "counts", None, None),
+    ],
+)  # fmt: skip
+def test_counts_that_agree_leave_the_length(
+    elements: int, values: int, behind: int, case: str, have: int | None, need: int | None
+) -> None:
+    pair = message.address(2900, 0, elements), message.real(*[10.0] * values)
+    asked = message.change(1, 1, pair) + bytes(behind)
+    one = refused(asked, message.error(0x18))
+    ((_, remark),) = of(one, refusals(one))
+    told = [remark.args[name] for name in ("case", "have", "need")]
+    assert (remark.rule, told) == ("DS717", [case, have, need])
+
+
+def test_only_0x18_is_about_the_counts() -> None:
+    asked = message.change(1, 1, (message.address(2900, 1), message.real(10.0))) + bytes(20)
+    one = refused(asked, message.error(0x04))
+    ((_, remark),) = of(one, refusals(one))
+    assert (remark.rule, remark.args["case"]) == ("DS717", "counts")
+
+
+@pytest.mark.parametrize(
     ("value", "source"), [(0, None), (0xFFFF, None), (0x1_0000, 1), (0x34_0000, 52)]
 )
 def test_a_connector_names_its_source_in_the_upper_word(value: int, source: int | None) -> None:

@@ -157,6 +157,16 @@ local function source_of(value)
   return pnu > 0 and pnu <= tables.known.source_most and pnu or nil
 end
 
+-- Whether the counts can be what 0x18 means; where they agree, how long record and message are.
+local function counted(job, refusal)
+  local value, half = refusal.value, job:write_request()
+  local agree = value and value.value_count == max(1, refusal.address.element_count)
+  if refusal.code ~= WRONG_COUNT or half == nil or not agree then return "counts" end
+  local rest = #job.message.rest
+  if (half.missing or 0) > 0 or rest == 0 then return "counts_agree" end
+  return "record_longer", #half.data, #half.data - rest
+end
+
 -- What the rule carries, of all that a refusal shows.
 local function args_of(job, rule, refusal)
   local address, value = refusal.address, refusal.value
@@ -168,6 +178,7 @@ local function args_of(job, rule, refusal)
     source = source, case = source and "source_refused" or "no_source",
     state = tables.known.commissioning[refusal.code],
   }, {}
+  if rule == "DS717" then facts.case, facts.have, facts.need = counted(job, refusal) end
   for name in pairs(tables.rules[rule].args) do args[name] = facts[name] end
   return args
 end

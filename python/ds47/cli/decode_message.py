@@ -66,10 +66,19 @@ def _address_words(item: Parameter, lang: str) -> str:
     words = say(
         "decode_elements",
         parameter=formatting.address(bare),
-        attribute=item.attribute,
+        attribute=_attribute_words(item.attribute, lang),
         n=item.element_count or 0,
     )
     return words.text(lang)
+
+
+def _attribute_words(name: str | None, lang: str) -> str | None:
+    """The name of an attribute; of one that no profile has also what makers with it call it."""
+    if not name or not name.startswith("0x"):
+        return name
+    from ds47.explain.meanings import attributes_of_makers
+
+    return name + attributes_of_makers(lang).get(int(name, 16), "")
 
 
 def _block_words(item: Parameter, written: bool, lang: str) -> str:

@@ -199,6 +199,7 @@ def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
     """What the rule carries, of all that a refusal shows."""
     address, value = refusal.address, refusal.value
     source = _source(value)
+    counted = _counted(job, refusal) if rule == "DS717" else {}
     facts = {
         "axis": job.message.axis if job.message else None,
         "device": job.peer.device,
@@ -213,8 +214,21 @@ def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
         "code": refusal.code,
         "vendor_id": job.peer.vendor_id,
         "family": job.peer.drives,
+        **counted,
     }
     return {name: facts[name] for name in rules()[rule].args}
+
+
+def _counted(job: Job, refusal: Refusal) -> dict[str, Any]:
+    """Whether the counts can be what 0x18 means; where they agree, how long record and message are."""
+    value, half, message = refusal.value, job.write_request, job.message
+    agree = value is not None and value.value_count == max(1, refusal.address.element_count)
+    if refusal.code != WRONG_COUNT or half is None or message is None or not agree:
+        return {"case": "counts", "have": None, "need": None}
+    if half.missing or not message.rest:
+        return {"case": "counts_agree", "have": None, "need": None}
+    have = len(half.data)
+    return {"case": "record_longer", "have": have, "need": have - len(message.rest)}
 
 
 def _source(value: Block | None) -> int | None:

@@ -378,10 +378,10 @@ _FILTERS = {"error_code": "service"} | dict.fromkeys(RETURNED, "")
 def _names(kind: str, lang: str) -> Mapping[int, str]:
     """The codes of a kind that the tables know, with their names."""
     names = {code: row.name for code, row in _TABLES[kind]().items()}
-    return names | (_of_makers(lang) if kind == "attribute" else {})
+    return names | (attributes_of_makers(lang) if kind == "attribute" else {})
 
 
-def _of_makers(lang: str) -> dict[int, str]:
+def attributes_of_makers(lang: str) -> dict[int, str]:
     """The attributes of makers, and in brackets what the known ones are: ` (Stöber: integer)`."""
     words, found = explanations.words(lang), dict.fromkeys(spec.vendor_attributes(), "")
     for code, rows in spec.maker_attributes().items():
