@@ -14,6 +14,8 @@ BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
 PARAMETER, FAULT, ALARM, TELEGRAM = "parameter", "fault", "alarm", "telegram"
 MESSAGES = {"F": FAULT, "A": ALARM}
 """The letters in front of the numbers of faults and alarms."""
+NUMBER = "number"
+"""A decimal number of eight digits: a status is hexadecimal then, but libraries print their errors so."""
 PKW = "pkw"
 """The kind of the first word of PKW."""
 
@@ -39,7 +41,8 @@ class UnknownFormError(ValueError):
 class Reading:
     """One number that a text may stand for.
 
-    `size`: a byte, a word, a status, or of what it is the number: rule, format, parameter, fault, alarm, telegram.
+    `size`: a byte, a word, a status, a number of eight digits, or of what it is the number: rule, format,
+    parameter, fault, alarm, telegram.
     `decimal`: it was read as a decimal number.
     """
 
@@ -103,12 +106,15 @@ def _drive_numbers(kind: str | None, code: str) -> Iterator[Reading]:
     parameter = _PARAMETER.fullmatch(code) if kind in (None, PARAMETER) else None
     message = _MESSAGE.fullmatch(code)
     plain = _WHOLE.fullmatch(code) if kind in (PARAMETER, FAULT, ALARM, TELEGRAM) else None
+    shown = _whole(_PREFIX.sub("", code, 1), 16) if kind in (FAULT, ALARM) else None
     if parameter:
         size, digits = PARAMETER, parameter[1]
     elif message and kind in (None, MESSAGES[message[1]]):
         size, digits = MESSAGES[message[1]], message[2]
     elif plain and (kind == PARAMETER or not plain[2]):
         size, digits = str(kind), plain[1]
+    elif shown is not None:  # as a watch table has it
+        size, digits = str(kind), str(shown)
     else:
         return
     if int(digits) <= 0xFFFF:
@@ -140,7 +146,11 @@ def _numbers(code: str) -> Iterator[Reading]:
     elif code.isascii() and code.isdigit():
         if len(code) <= _STATUS_DIGITS:
             yield from _hexadecimal(code)
-        if len(code) != _STATUS_DIGITS and (not code.startswith("0") or code == "0"):
+        if code.startswith("0") and code != "0":
+            return
+        if len(code) == _STATUS_DIGITS:
+            yield Reading(NUMBER, int(code), True)
+        else:
             yield from _decimal(code)
     elif code.startswith("-"):
         yield from _decimal(code)
