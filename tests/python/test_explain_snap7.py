@@ -6,7 +6,7 @@ from itertools import chain
 
 import pytest
 
-from ds47.explain import explain
+from ds47.explain import UnknownFormError, explain
 from ds47.spec import _load, s7, snap7
 
 LANGUAGES = ("en", "zh")
@@ -70,3 +70,29 @@ def test_every_number_of_the_table_has_an_answer(lang: str) -> None:
     assert snap7.parts(0x02300001) == ()
     assert snap7.parts(0x00C00000)[0].stands_for == (0x0A, 0xD209)
     assert set(s7.codes("return_code")) >= {0x05, 0x06, 0x07, 0x0A}
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "code"),
+    [
+        ("err_cls 253 err_code 5", "status", "CF81FD05"),
+        ("ABORT err_cls 253   err_code 18", "status", "CF81FD12"),
+        ("Error class: 0xfd of a protocol Error code: 0x24 unknown", "status", "CF81FD24"),
+        ("Error Class: 133, Error Code 0.", "s7_error", "0x8500"),
+        ("error class 0x83, error code 0x04", "s7_error", "0x8304"),
+        ("error class 129 error code 4", "s7_error", "0x8104"),
+    ],
+)
+def test_an_error_as_class_and_code(text: str, kind: str, code: str) -> None:
+    """S7 communication and the connection of PROFINET have classes of their own."""
+    (meaning,) = explain(text)
+    assert (meaning.kind, meaning.known, meaning.code) == (kind, True, code)
+    assert explain(meaning.name)[0] == meaning
+
+
+@pytest.mark.parametrize(
+    "text", ["err_cls 0 err_code 6", "error class: 299, error code: 1", "error class 1"]
+)
+def test_classes_of_nobody(text: str) -> None:
+    with pytest.raises(UnknownFormError):
+        explain(text)

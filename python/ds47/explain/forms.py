@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ds47 import spec
-from ds47.spec import cyclic, explanations
+from ds47.spec import cyclic, explanations, s7
 
 BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
 PARAMETER, FAULT, ALARM, TELEGRAM = "parameter", "fault", "alarm", "telegram"
@@ -26,6 +26,13 @@ _PAIRS = re.compile(r"[0-9A-F]{2}(?:[ :,\-][0-9A-F]{2})+")
 _HEX = re.compile(r"[0-9A-F]+")
 _RULE = re.compile(r"DS([0-9]{3})")
 _STATUS_DIGITS = 8
+_NUMBER = r"[:=, ]*(0X[0-9A-F]{1,2}|[0-9]{1,3})\b"
+_CLASS_AND_CODE = re.compile(
+    rf"(?:.* )?ERR(?:OR)?[_ ]CL(?:AS)?S{_NUMBER}.*?ERR(?:OR)?[_ ]CODE{_NUMBER}.*"
+)
+"""As libraries of S7 and stacks of PROFINET log: `Error class: 133, error code: 0`, `err_cls 253 err_code 5`."""
+_RTA, _ABORTED = 0xFD, 0xCF810000
+"""The class of errors of the protocol of alarms (RTA), and the bytes in front of it in a status."""
 _PARAMETER = re.compile(r"(?:P|R|PNU) ?([0-9]{1,5})(?:\[[0-9]{1,5}\]|\.[0-9]{1,2})?")
 _MESSAGE = re.compile(r"([FA])([0-9]{4,5})")
 _BARE = re.compile(r"[1-9][0-9]{2,4}")
@@ -67,6 +74,8 @@ def read(text: str) -> Code:
         UnknownFormError: it has none of them.
     """
     plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
+    if pair := _CLASS_AND_CODE.fullmatch(plain.upper()):
+        return _class_and_code(text, *(int(each, 0) for each in pair.groups()))
     kind, digits = _split_kind(plain)
     code = digits.upper()
     if kind == PKW or kind in cyclic.bit_words():
@@ -99,6 +108,16 @@ def read(text: str) -> Code:
             raise UnknownFormError(text)
         return Code(rule_id, kind or "rule", (Reading(RULE, int(rule_id[2:])),))
     return Code(code, kind, readings)
+
+
+def _class_and_code(text: str, error_class: int, code: int) -> Code:
+    """An error as class and code: of the connection (RTA), or of S7 communication."""
+    value = error_class << 8 | code
+    if error_class == _RTA:
+        return Code(text, "status", (Reading(STATUS, _ABORTED | value),))
+    if error_class == 0 or error_class not in s7.codes("error_class"):
+        raise UnknownFormError(text)
+    return Code(text, "s7_error", (Reading(WORD, value),))
 
 
 def _drive_numbers(kind: str | None, code: str) -> Iterator[Reading]:
