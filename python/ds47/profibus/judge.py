@@ -233,7 +233,9 @@ class LineJudge:
     ) -> None:
         heard = {"prm_fault": station.parameters, "cfg_fault": station.configuration}
         for flag, case in _FAULTS.items():
-            left = diagnosis.master is None and heard[flag] is None  # of a start-up before the capture
+            left = (
+                diagnosis.master is None and heard[flag] is None
+            )  # of a start-up before the capture
             if flag in diagnosis.flags and not left:
                 self._note("DS814", station.address, frame, {"case": case}, (case,))
         set_up = _set_up(station)
