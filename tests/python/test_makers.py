@@ -212,6 +212,11 @@ def test_what_commands_say_of_a_maker(
         (201, "rexroth", "Invalid element in the request received last"),
         (201, "siemens", "Above the limit that holds"), (103, "abb", "Communication error"),
         (160, "abb", "Internal communication"),
+        (104, "rockwell", "Parameter does not exist"), (106, "bonfiglioli", "No change in operation"),
+        (131, "danfoss", "The factory setup cannot be changed"), (17, "danfoss", "Not possible in this"),
+        (3, "mitsubishi", "Wrong parameter number"), (67, "mitsubishi", "Value out of range"),
+        (20, "bonfiglioli", "System bus does not answer"), (20, "mitsubishi", "Illegal value"),
+        (67, "siemens", "Manufacturer-specific error 67: see the manual of SINAMICS, vendor 0x002A"),
         (150, "rexroth", "Manufacturer-specific error 150: see the manual of Bosch Rexroth, vendor 0x0103"),
     ],
 )  # fmt: skip

@@ -588,6 +588,21 @@ def test_what_slave_diag_says(told: str, cases: list[str]) -> None:
     assert {each.frame for each in findings} <= {8}
 
 
+def test_what_slave_diag_says_before_it_was_sent_anything_is_of_an_earlier_start_up() -> None:
+    """As that of a sensor in a public log, which then took its configuration."""
+    wire = Master()
+    wire.diagnose(STATION, "460500ff80b5")
+    assert found(wire, "DS814") == []
+    wire.start(STATION)
+    wire.exchange(STATION)
+    assert found(wire) == []
+    wire.diagnose(STATION, "040500ff80b5")
+    assert [each.args["case"] for each in found(wire, "DS814")] == ["diag_cfg_fault"]
+    wire = Master()
+    wire.diagnose(STATION, "040c000280b5")  # a master is named, so it was sent something
+    assert [each.args["case"] for each in found(wire, "DS814")] == ["diag_cfg_fault"]
+
+
 def test_another_master_may_read_the_diagnosis_of_a_station() -> None:
     wire = running()
     wire.put(frame(STATION, 1, 0x6D, b"", 60, 62))

@@ -15,16 +15,16 @@ function M.meaning(ak, answer, lang)
 end
 
 --- What an error number of PKW means (docs/cyclic.md 2); nil where nobody says.
--- @param vendor_id PROFINET vendor id of the device or nil. Numbers behind those of the profile belong to the
---   maker
+-- @param vendor_id PROFINET vendor id of the device or nil. Its maker's table goes before the profile's, and
+--   numbers behind those of the profile belong to the maker
 function M.error_text(code, lang, vendor_id)
   if code == nil then return nil end
-  if code <= tables.pkw.profile_errors or vendor_id == tables.vendors[1].id then
-    local row = tables.pkw.errors[code]
-    return row and words(row, lang)
-  end
   local maker = lookup.vendor(vendor_id)
   if maker and maker.pkw and maker.pkw[code] then return words(maker.pkw[code], lang) end
+  if code <= tables.pkw.profile_errors or vendor_id == tables.vendors[1].id then
+    local row = tables.pkw.errors[code]
+    if row or not tables.pkw.codes[code] then return row and words(row, lang) end
+  end
   local text = lookup.error_fallback(format("%d", code), lang)
   return vendor_id and text .. lookup.of_maker(vendor_id, lang) or text
 end

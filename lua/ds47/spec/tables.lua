@@ -354,9 +354,12 @@ later.vendors = [=[
 M.vendors = {
   {name = "SINAMICS", id = 42},
   {name = "ABB", id = 26},
+  {name = "Bonfiglioli", id = 523},
   {name = "Danfoss", id = 128},
   {name = "KEB", id = 375},
+  {name = "Mitsubishi Electric", id = 540, ids = {264}},
   {name = "Bosch Rexroth", id = 259, ids = {287}},
+  {name = "Rockwell Automation", id = 2},
   {name = "SEW", id = 266},
   {name = "Stöber", id = 267},
   {name = "Toshiba", id = 44, ids = {794, 400}},
@@ -429,12 +432,32 @@ M.vendors[2].pkw = {
   [0xA0] = {en = "Internal communication error", zh = "内部通信错误"},
 }
 M.vendors[3].errors = {
+}
+M.vendors[3].pkw = {
+  [0x14] = {en = "System bus does not answer: with another low byte of IND than 0 a device on it is meant", zh = "系统总线无应答：IND 低字节不为 0 时指其上的设备"},
+  [0x65] = {en = "Parameter cannot be read", zh = "参数不可读"},
+  [0x67] = {en = "Error while reading the EEPROM", zh = "读取 EEPROM 出错"},
+  [0x68] = {en = "Error while writing the EEPROM", zh = "写入 EEPROM 出错"},
+  [0x69] = {en = "Checksum of the EEPROM is wrong", zh = "EEPROM 校验和错误"},
+  [0x6A] = {en = "No change in operation", zh = "运行中不能修改"},
+  [0x6B] = {en = "Values of the data sets differ", zh = "各数据组的数值不同"},
+  [0x6C] = {en = "Unknown request", zh = "未知任务"},
+}
+M.vendors[4].errors = {
   [0x65] = {code = 101, en = "Wrong axis: this axis does not allow it", zh = "轴错误：该轴不允许此操作", info = "unknown"},
   [0x66] = {code = 102, en = "Unknown service", zh = "未知的服务", info = "unknown"},
   [0x67] = {code = 103, en = "Service not possible with several parameters", zh = "该服务不能用于多个参数", info = "unknown"},
   [0x68] = {code = 104, en = "Value cannot be read by the bus", zh = "无法通过总线读取该值", info = "unknown"},
 }
-M.vendors[4].errors = {
+M.vendors[4].pkw = {
+  [0x82] = {en = "No access to this parameter by the bus", zh = "不能通过总线访问该参数"},
+  [0x83] = {en = "The factory setup cannot be changed", zh = "出厂菜单不可修改"},
+  [0x84] = {en = "No access by the panel (LCP)", zh = "不能通过面板（LCP）访问"},
+  [0xFC] = {en = "Unknown viewer", zh = "未知的查看方"},
+  [0xFD] = {en = "Request not supported", zh = "不支持该任务"},
+  [0xFE] = {en = "Unknown attribute", zh = "未知属性"},
+}
+M.vendors[5].errors = {
   [0x00] = {code = 0, en = "Bad address or password", zh = "地址或口令错误", info = "unknown"},
   [0x03] = {code = 3, en = "Invalid parameter set (the subindex selects sets)", zh = "参数组无效（下标用于选择参数组）", info = "unknown"},
   [0x11] = {code = 17, en = "Timeout or busy", zh = "超时或忙", info = "unknown"},
@@ -447,13 +470,35 @@ M.vendors[4].errors = {
   [0x69] = {code = 105, en = "Parity error", zh = "奇偶校验错误", info = "unknown"},
   [0x6B] = {code = 107, en = "Invalid operation", zh = "操作无效", info = "unknown"},
 }
-M.vendors[5].errors = {
+M.vendors[6].errors = {
 }
-M.vendors[5].pkw = {
+M.vendors[6].pkw = {
+  [0x01] = {en = "Request not supported, or a write is still running", zh = "不支持该任务，或写入仍在进行"},
+  [0x02] = {en = "Wrong index (IND)", zh = "IND 错误"},
+  [0x03] = {en = "Wrong parameter number", zh = "参数号错误"},
+  [0x04] = {en = "Reading the dual-port RAM failed", zh = "读取双口 RAM 失败"},
+  [0x05] = {en = "Writing the dual-port RAM failed", zh = "写入双口 RAM 失败"},
+  [0x06] = {en = "Wrong page index", zh = "页索引错误"},
+  [0x41] = {en = "Not in this operation mode", zh = "当前运行模式下不能执行"},
+  [0x42] = {en = "Wrong instruction code", zh = "指令代码错误"},
+  [0x43] = {en = "Value out of range", zh = "数值超出范围"},
+}
+M.vendors[7].errors = {
+}
+M.vendors[7].pkw = {
   [0xC9] = {en = "Invalid element in the request received last", zh = "最后收到的任务中有无效元素"},
   [0xCA] = {en = "Internal response ID cannot be mirrored", zh = "无法映射内部应答标识"},
 }
-M.vendors[6].errors = {
+M.vendors[8].errors = {
+}
+M.vendors[8].pkw = {
+  [0x65] = {en = "Service not supported (a change of a parameter that is read only)", zh = "不支持该服务（修改只读参数）"},
+  [0x66] = {en = "Service not valid", zh = "服务无效"},
+  [0x68] = {en = "Parameter does not exist", zh = "参数不存在"},
+  [0x6A] = {en = "Value out of range", zh = "数值超出范围"},
+  [0x6B] = {en = "Not possible in this operating state", zh = "当前运行状态下不能执行"},
+}
+M.vendors[9].errors = {
   [0x500] = {code = 1280, en = "Service failed, cause not known", zh = "服务失败，原因不明", info = "unknown"},
   [0x501] = {code = 1281, en = "Service not permitted", zh = "服务不允许", info = "unknown"},
   [0x502] = {code = 1282, en = "No response", zh = "无响应", info = "unknown"},
@@ -503,15 +548,15 @@ M.vendors[6].errors = {
   [0x825] = {code = 2085, en = "Encoder nameplate wrong", zh = "编码器铭牌错误", info = "unknown"},
   [0x829] = {code = 2089, en = "State of the PLC does not allow it", zh = "PLC 状态不允许", info = "unknown"},
 }
-spread(M.vendors[6].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
-M.vendors[7].errors = {
+spread(M.vendors[9].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
+M.vendors[10].errors = {
 }
-M.vendors[8].errors = {
+M.vendors[11].errors = {
 }
-M.vendors[8].pkw = {
+M.vendors[11].pkw = {
   [0x66] = {en = "Request not supported", zh = "不支持该请求"},
 }
-M.vendors[9].errors = {
+M.vendors[12].errors = {
   [0x03] = {code = 3, en = "Invalid subindex; of PNU 10001: the drive has no parameter with this ID", zh = "错误的下标；对 PNU 10001：驱动器没有此 ID 的参数", info = "unknown"},
   [0x65] = {code = 101, en = "Invalid request reference", zh = "任务引用号无效", info = "unknown"},
   [0x66] = {code = 102, en = "Invalid request ID", zh = "任务标识无效", info = "unknown"},
@@ -2062,6 +2107,9 @@ M.pkw.errors = {
   [18] = {en = "Another error", zh = "其他错误"},
   [19] = {en = "Value cannot be read cyclically", zh = "数值不能周期读取"},
   [20] = {en = "Illegal value", zh = "非法数值"},
+  [65] = {en = "Manufacturer-specific error 65: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 65：见SINAMICS的手册，制造商 0x002A"},
+  [66] = {en = "Manufacturer-specific error 66: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 66：见SINAMICS的手册，制造商 0x002A"},
+  [67] = {en = "Manufacturer-specific error 67: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 67：见SINAMICS的手册，制造商 0x002A"},
   [101] = {en = "Parameter number is deactivated at present", zh = "参数号当前被禁用"},
   [102] = {en = "Channel is too narrow", zh = "通道宽度不够"},
   [103] = {en = "Wrong number of PKW words", zh = "PKW 字数错误"},
@@ -2069,13 +2117,29 @@ M.pkw.errors = {
   [105] = {en = "Parameter has an index", zh = "参数带索引"},
   [106] = {en = "Request is not supported", zh = "不支持该任务"},
   [107] = {en = "No change while the controller is enabled", zh = "控制器使能时不能修改"},
+  [108] = {en = "Manufacturer-specific error 108: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 108：见SINAMICS的手册，制造商 0x002A"},
+  [110] = {en = "Manufacturer-specific error 110: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 110：见SINAMICS的手册，制造商 0x002A"},
+  [111] = {en = "Manufacturer-specific error 111: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 111：见SINAMICS的手册，制造商 0x002A"},
+  [120] = {en = "Manufacturer-specific error 120: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 120：见SINAMICS的手册，制造商 0x002A"},
+  [121] = {en = "Manufacturer-specific error 121: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 121：见SINAMICS的手册，制造商 0x002A"},
+  [122] = {en = "Manufacturer-specific error 122: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 122：见SINAMICS的手册，制造商 0x002A"},
+  [130] = {en = "Manufacturer-specific error 130: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 130：见SINAMICS的手册，制造商 0x002A"},
+  [131] = {en = "Manufacturer-specific error 131: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 131：见SINAMICS的手册，制造商 0x002A"},
+  [132] = {en = "Manufacturer-specific error 132: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 132：见SINAMICS的手册，制造商 0x002A"},
   [134] = {en = "Change only with p0010 = 15, or not while the drive is ready", zh = "只能在 p0010 = 15 时修改，或就绪时不能修改"},
   [135] = {en = "Know-how protection is active", zh = "专有技术保护已激活"},
+  [140] = {en = "Manufacturer-specific error 140: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 140：见SINAMICS的手册，制造商 0x002A"},
+  [150] = {en = "Manufacturer-specific error 150: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 150：见SINAMICS的手册，制造商 0x002A"},
+  [160] = {en = "Manufacturer-specific error 160: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 160：见SINAMICS的手册，制造商 0x002A"},
   [200] = {en = "Below the limit that holds at present", zh = "低于当前有效下限"},
   [201] = {en = "Above the limit that holds at present", zh = "高于当前有效上限"},
+  [202] = {en = "Manufacturer-specific error 202: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 202：见SINAMICS的手册，制造商 0x002A"},
   [204] = {en = "No right of access, or not in this state", zh = "没有访问权，或当前状态不适用"},
+  [252] = {en = "Manufacturer-specific error 252: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 252：见SINAMICS的手册，制造商 0x002A"},
+  [253] = {en = "Manufacturer-specific error 253: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 253：见SINAMICS的手册，制造商 0x002A"},
+  [254] = {en = "Manufacturer-specific error 254: see the manual of SINAMICS, vendor 0x002A", zh = "制造商特定错误 254：见SINAMICS的手册，制造商 0x002A"},
 }
-M.pkw.codes = {[0] = true, [1] = true, [2] = true, [3] = true, [4] = true, [5] = true, [6] = true, [7] = true, [8] = true, [9] = true, [10] = true, [11] = true, [12] = true, [13] = true, [15] = true, [16] = true, [17] = true, [18] = true, [19] = true, [20] = true, [101] = true, [102] = true, [103] = true, [104] = true, [105] = true, [106] = true, [107] = true, [110] = true, [111] = true, [120] = true, [121] = true, [122] = true, [130] = true, [134] = true, [135] = true, [140] = true, [150] = true, [160] = true, [200] = true, [201] = true, [202] = true, [204] = true}
+M.pkw.codes = {[0] = true, [1] = true, [2] = true, [3] = true, [4] = true, [5] = true, [6] = true, [7] = true, [8] = true, [9] = true, [10] = true, [11] = true, [12] = true, [13] = true, [15] = true, [16] = true, [17] = true, [18] = true, [19] = true, [20] = true, [65] = true, [66] = true, [67] = true, [101] = true, [102] = true, [103] = true, [104] = true, [105] = true, [106] = true, [107] = true, [108] = true, [110] = true, [111] = true, [120] = true, [121] = true, [122] = true, [130] = true, [131] = true, [132] = true, [134] = true, [135] = true, [140] = true, [150] = true, [160] = true, [200] = true, [201] = true, [202] = true, [204] = true, [252] = true, [253] = true, [254] = true}
 M.pkw.families = {
   ["MICROMASTER 4"] = {[0] = true, [1] = true, [2] = true, [3] = true, [4] = true, [5] = true, [6] = true, [7] = true, [11] = true, [12] = true, [17] = true, [101] = true, [102] = true, [104] = true, [106] = true, [200] = true, [201] = true, [204] = true},
   ["SINAMICS G120"] = {[0] = true, [1] = true, [2] = true, [3] = true, [4] = true, [5] = true, [6] = true, [7] = true, [11] = true, [12] = true, [15] = true, [17] = true, [20] = true, [101] = true, [102] = true, [104] = true, [106] = true, [107] = true, [134] = true, [135] = true, [200] = true, [201] = true, [204] = true},
@@ -2654,9 +2718,12 @@ M.explain.error_word = "error"
 M.explain.ranges = {
   SINAMICS = {},
   ABB = {},
+  Bonfiglioli = {},
   Danfoss = {},
   KEB = {},
+  ["Mitsubishi Electric"] = {},
   ["Bosch Rexroth"] = {},
+  ["Rockwell Automation"] = {},
   SEW = {{128, 255}},
   ["Stöber"] = {},
   Toshiba = {},

@@ -21,6 +21,8 @@ _LINE: Final = re.compile(
 _TOKEN: Final = re.compile(r"[^\s,;\[\](){}-]+")
 _NAME: Final = re.compile(r"(?<!\w)hex\b:?|(?<=[0-9a-f])hex\b", re.IGNORECASE)
 """What people write beside hexadecimal numbers: `0101 hex`."""
+_BUFFER: Final = re.compile(r"<Buffer\b([^<>]*)>", re.IGNORECASE)
+"""How Node.js prints bytes, in one line or several."""
 _DIGITS: Final = re.compile(r"(?:0x)?([0-9a-f]+)h?", re.IGNORECASE)
 _DECIMAL: Final = re.compile(r"-?\d{1,3}")
 _BASES: Final = (16, 10, 8)
@@ -55,7 +57,7 @@ def read(text: str) -> Pasted:
     Raises:
         ValueError: it has none of the forms, or may have two; the message says where, and what to do.
     """
-    plain = [_NAME.sub("", line) for line in text.splitlines()]
+    plain = [_NAME.sub("", line) for line in _BUFFER.sub(r"\1", text).splitlines()]
     lines = _without_offsets([line for line in plain if line.strip()])
     numbers = _decimal(lines)
     if numbers is None:

@@ -8,12 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ds47 import spec
-from ds47.spec import cyclic, explanations
+from ds47.spec import cyclic, explanations, s7
 
 BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
 PARAMETER, FAULT, ALARM, TELEGRAM = "parameter", "fault", "alarm", "telegram"
 MESSAGES = {"F": FAULT, "A": ALARM}
 """The letters in front of the numbers of faults and alarms."""
+NUMBER = "number"
+"""A decimal number of eight digits: a status is hexadecimal then, but libraries print their errors so."""
 PKW = "pkw"
 """The kind of the first word of PKW."""
 
@@ -24,6 +26,13 @@ _PAIRS = re.compile(r"[0-9A-F]{2}(?:[ :,\-][0-9A-F]{2})+")
 _HEX = re.compile(r"[0-9A-F]+")
 _RULE = re.compile(r"DS([0-9]{3})")
 _STATUS_DIGITS = 8
+_NUMBER = r"[:=, ]*(0X[0-9A-F]{1,2}|[0-9]{1,3})\b"
+_CLASS_AND_CODE = re.compile(
+    rf"(?:.* )?ERR(?:OR)?[_ ]CL(?:AS)?S{_NUMBER}.*?ERR(?:OR)?[_ ]CODE{_NUMBER}.*"
+)
+"""As libraries of S7 and stacks of PROFINET log: `Error class: 133, error code: 0`, `err_cls 253 err_code 5`."""
+_RTA, _ABORTED = 0xFD, 0xCF810000
+"""The class of errors of the protocol of alarms (RTA), and the bytes in front of it in a status."""
 _PARAMETER = re.compile(r"(?:P|R|PNU) ?([0-9]{1,5})(?:\[[0-9]{1,5}\]|\.[0-9]{1,2})?")
 _MESSAGE = re.compile(r"([FA])([0-9]{4,5})")
 _BARE = re.compile(r"[1-9][0-9]{2,4}")
@@ -39,7 +48,8 @@ class UnknownFormError(ValueError):
 class Reading:
     """One number that a text may stand for.
 
-    `size`: a byte, a word, a status, or of what it is the number: rule, format, parameter, fault, alarm, telegram.
+    `size`: a byte, a word, a status, a number of eight digits, or of what it is the number: rule, format,
+    parameter, fault, alarm, telegram.
     `decimal`: it was read as a decimal number.
     """
 
@@ -64,6 +74,8 @@ def read(text: str) -> Code:
         UnknownFormError: it has none of them.
     """
     plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
+    if pair := _CLASS_AND_CODE.fullmatch(plain.upper()):
+        return _class_and_code(text, *(int(each, 0) for each in pair.groups()))
     kind, digits = _split_kind(plain)
     code = digits.upper()
     if kind == PKW or kind in cyclic.bit_words():
@@ -98,17 +110,30 @@ def read(text: str) -> Code:
     return Code(code, kind, readings)
 
 
+def _class_and_code(text: str, error_class: int, code: int) -> Code:
+    """An error as class and code: of the connection (RTA), or of S7 communication."""
+    value = error_class << 8 | code
+    if error_class == _RTA:
+        return Code(text, "status", (Reading(STATUS, _ABORTED | value),))
+    if error_class == 0 or error_class not in s7.codes("error_class"):
+        raise UnknownFormError(text)
+    return Code(text, "s7_error", (Reading(WORD, value),))
+
+
 def _drive_numbers(kind: str | None, code: str) -> Iterator[Reading]:
     """Numbers of parameters, faults, alarms and telegrams, as they are written: `R0945[0]`, `F07900`, `390`."""
     parameter = _PARAMETER.fullmatch(code) if kind in (None, PARAMETER) else None
     message = _MESSAGE.fullmatch(code)
     plain = _WHOLE.fullmatch(code) if kind in (PARAMETER, FAULT, ALARM, TELEGRAM) else None
+    shown = _whole(_PREFIX.sub("", code, 1), 16) if kind in (FAULT, ALARM) else None
     if parameter:
         size, digits = PARAMETER, parameter[1]
     elif message and kind in (None, MESSAGES[message[1]]):
         size, digits = MESSAGES[message[1]], message[2]
     elif plain and (kind == PARAMETER or not plain[2]):
         size, digits = str(kind), plain[1]
+    elif shown is not None:  # as a watch table has it
+        size, digits = str(kind), str(shown)
     else:
         return
     if int(digits) <= 0xFFFF:
@@ -140,7 +165,11 @@ def _numbers(code: str) -> Iterator[Reading]:
     elif code.isascii() and code.isdigit():
         if len(code) <= _STATUS_DIGITS:
             yield from _hexadecimal(code)
-        if len(code) != _STATUS_DIGITS and (not code.startswith("0") or code == "0"):
+        if code.startswith("0") and code != "0":
+            return
+        if len(code) == _STATUS_DIGITS:
+            yield Reading(NUMBER, int(code), True)
+        else:
             yield from _decimal(code)
     elif code.startswith("-"):
         yield from _decimal(code)

@@ -9,14 +9,14 @@ from functools import partial
 from typing import Any
 
 from ds47 import spec
-from ds47.explain import blocks, cyclic
+from ds47.explain import blocks, cyclic, messages, snap7
 from ds47.explain.answer import CodeMeaning, CodePart, answer
 from ds47.explain.forms import (
     ALARM,
     BYTE,
     FAULT,
     FORMAT,
-    MESSAGES,
+    NUMBER,
     PARAMETER,
     PKW,
     RULE,
@@ -115,14 +115,14 @@ def _meanings(
     elif kind in RETURNED or kind == S7_ERROR:
         if reading.size in (BYTE, WORD):
             yield _s7(value, lang) if kind == S7_ERROR else _number(str(kind), value, lang)
+        elif kind == S7_ERROR:
+            yield from snap7.named(reading, lang)
     elif reading.size in _OF_ONE_MEANING:
         yield _OF_ONE_MEANING[reading.size](value, lang)
     elif reading.size == FORMAT:
         yield _number(FORMAT, value, lang)
-    elif reading.size == STATUS:
-        if kind in (None, "status"):
-            yield _status(value, lang)
-            yield from _without_first_byte(value, lang)
+    elif reading.size in (STATUS, NUMBER):
+        yield from _of_status(reading, kind, lang)
     elif reading.size == WORD:
         yield from _of_word(reading, kind, lang, vendor)
     elif reading.decimal and kind is None:
@@ -148,6 +148,17 @@ def _of_word(
 
 
 # Statuses
+
+
+def _of_status(reading: Reading, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
+    """A number of four bytes: a status, or one of a library that speaks S7."""
+    if kind not in (None, "status"):
+        return
+    if reading.size == STATUS:
+        yield _status(reading.value, lang)
+        yield from _without_first_byte(reading.value, lang)
+    if kind is None and (reading.decimal or _entry_of_status(reading.value) is None):
+        yield from snap7.alone(reading, lang)
 
 
 def _status(status: int, lang: str, word: int | None = None) -> CodeMeaning:
@@ -633,26 +644,6 @@ def _listed(row: spec.Pnu, lang: str) -> str:
     return words["list_separator"].join(filter(None, (name, kind, row.unit))) + family
 
 
-_FIVE_DIGITS = 1000
-"""From this number on faults and alarms are those of SINAMICS, which has five digits; MICROMASTER 4 has four."""
-
-
-def _message(kind: str, number: int, lang: str) -> CodeMeaning:
-    """A fault or an alarm by its number; what it means is in no table here."""
-    words, entry = explanations.words(lang), explanations.of_number(kind, number)
-    assert entry is not None
-    letter = next(letter for letter, each in MESSAGES.items() if each == kind)
-    code = f"{letter}{number:0{4 if number < _FIVE_DIGITS else 5}d}"
-    title = words["fault"].format(
-        code=code, decimal=number, hex=f"{number:04X}", text=entry.headline(lang)
-    )
-    return answer(
-        kind, code, f"{explanations.kind_word(kind)} {number}", title, True, entry, lang, rank=FAULT,
-        filter_name=entry.filter, values={"value": "945" if kind == FAULT else "2122"},
-        advice=words["fault_advice"].format(code=code),
-    )  # fmt: skip
-
-
 # Rules
 
 
@@ -689,6 +680,6 @@ def _rule(number: int, lang: str) -> CodeMeaning:
 
 _OF_ONE_MEANING: Mapping[str, Callable[[int, str], CodeMeaning]] = {
     PARAMETER: _parameter, RULE: _rule, TELEGRAM: cyclic.telegram,
-    FAULT: partial(_message, FAULT), ALARM: partial(_message, ALARM),
+    FAULT: partial(messages.meaning, FAULT), ALARM: partial(messages.meaning, ALARM),
 }  # fmt: skip
 """What is said about a number that can only be one thing."""

@@ -231,8 +231,12 @@ class LineJudge:
     def _diagnosis(
         self, station: LineStation, diagnosis: dp.SlaveDiagnosis, asker: int | None, frame: int
     ) -> None:
+        heard = {"prm_fault": station.parameters, "cfg_fault": station.configuration}
         for flag, case in _FAULTS.items():
-            if flag in diagnosis.flags:
+            left = (
+                diagnosis.master is None and heard[flag] is None
+            )  # of a start-up before the capture
+            if flag in diagnosis.flags and not left:
                 self._note("DS814", station.address, frame, {"case": case}, (case,))
         set_up = _set_up(station)
         if set_up is None or station.parameters_master != asker:

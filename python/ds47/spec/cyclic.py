@@ -195,14 +195,16 @@ def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str
     Args:
         code: the number.
         lang: "en" or "zh".
-        vendor_id: PROFINET vendor id of the device. Numbers above those of the profile belong to the maker.
+        vendor_id: PROFINET vendor id of the device. Its maker's table goes before the profile's, and numbers above
+            those of the profile belong to the maker.
     """
-    if is_of_profile(code) or vendor_id == vendors()[0].id:
-        row = _errors().get(code)
-        return None if row is None else row[lang == "zh"]
     maker = None if vendor_id is None else vendor(vendor_id)
     if maker is not None and code in maker.pkw:
         return maker.pkw[code].text(lang)
+    row = _errors().get(code)
+    own = is_of_profile(code) or vendor_id == vendors()[0].id
+    if own and (row is not None or code not in error_codes()):
+        return None if row is None else row[lang == "zh"]
     text = error_fallback(str(code), lang)
     return text if vendor_id is None else text + of_maker(vendor_id, lang)
 

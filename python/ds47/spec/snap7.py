@@ -1,0 +1,67 @@
+"""The error numbers of Snap7 as Python objects (spec/snap7.toml): what they consist of, and the words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from ds47.spec import _load
+from ds47.spec.explanations import CodeCause
+from ds47.spec.words import Words
+
+_FILE = "snap7.toml"
+word = Words(_FILE).word
+CLIENT, CONNECTION, SOCKET = "client", "connection", "socket"
+_CLIENT_SHIFT, _CONNECTION_SHIFT, _SOCKET_MASK = 20, 16, 0xFFFF
+
+
+class Part(NamedTuple):
+    """A part of a number: CLIENT, CONNECTION or SOCKET, its code, and its row, None where there is none."""
+
+    name: str
+    code: int
+    row: Mapping[str, Any] | None
+
+    def text(self, lang: str) -> str:
+        """What it says."""
+        if self.row is None:
+            return word("other_socket", lang).format(code=self.code)
+        return str(self.row["zh" if lang == "zh" else "en"])
+
+    def causes(self) -> Iterator[CodeCause]:
+        """Its causes, the likeliest first."""
+        yield from (CodeCause(**each) for each in (self.row or {}).get("cause", ()))
+
+    @property
+    def stands_for(self) -> tuple[int, ...]:
+        """The words and return codes of S7 that it is made of."""
+        return tuple((self.row or {}).get("stands_for", ()))
+
+
+@cache
+def _rows(table: str) -> Mapping[int, Mapping[str, Any]]:
+    rows = _load(_FILE)[table]
+    return MappingProxyType(
+        {code: row for row in rows for code in row.get("codes", [row.get("code")])}
+    )
+
+
+def general_cause(name: str) -> CodeCause:
+    """The cause where the row of a part has none: of CLIENT or CONNECTION."""
+    return CodeCause(**_load(_FILE)["general"][name])
+
+
+def parts(number: int) -> tuple[Part, ...]:
+    """What a number consists of; empty where it is none of the library."""
+    client, rest = number >> _CLIENT_SHIFT, number & (1 << _CLIENT_SHIFT) - 1
+    if client:
+        row = _rows(CLIENT).get(client)
+        return () if row is None or rest else (Part(CLIENT, client, row),)
+    connection, socket = number >> _CONNECTION_SHIFT, number & _SOCKET_MASK
+    row = _rows(CONNECTION).get(connection)
+    if row is None:
+        return ()
+    behind = (Part(SOCKET, socket, _rows(SOCKET).get(socket)),) if socket else ()
+    return (Part(CONNECTION, connection, row), *behind)
