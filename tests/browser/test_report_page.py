@@ -174,7 +174,8 @@ def test_every_frame_of_a_finding_leads_to_its_job(browser, tour):
         )
 
     assert links("#finding-1-DS705 tbody td:first-child a") == ["18#job-1-4"]
-    assert "18#job-1-4" in links(".problem-list .look a")
+    assert browser.texts(".problem-list .look")[0].startswith("Look at #5, frame 18 08:00:00.791")
+    assert links(".problem-list .look a")[1].endswith("#job-1-4")
     browser.run("document.querySelector('#finding-1-DS417 tbody td:first-child a').click()")
     browser.wait("return !!document.querySelector('#job-1-2 + tr.detail')")
     browser.open(tour, "#job-1-3")
@@ -312,7 +313,7 @@ def test_a_parameter_that_the_drive_described(browser, write, captures):
         "return [...document.querySelectorAll('.plot .canvas')].at(-1).getAttribute('aria-label')"
     )
     assert "p1120[0]: 2 points: 2 read" in label
-    assert label.endswith("from 1000 to 1000.")
+    assert label.endswith("0 not accepted; value 1000.")
 
 
 def test_parameters_with_their_last_value(browser, tour):
@@ -473,6 +474,13 @@ def test_a_phone_shows_it_without_scrolling_sideways(browser, tour, dark):
         ".map((each) => each.outerHTML.slice(0, 80))"
     )
     assert wide == []
+    figures = "const each = document.querySelector('.figures'); "
+    assert browser.run(figures + "return each.scrollWidth <= each.parentElement.clientWidth")
+    apart = (
+        "const [one, two] = [...document.querySelectorAll('#job-1-5 a[href*=finding]')].map((each) =>"
+        " each.getBoundingClientRect()); return two.left - one.right"
+    )
+    assert 0 < browser.run(apart) < 20
 
 
 def test_the_parts_are_a_menu_on_a_phone_and_stand_side_by_side_where_there_is_room(browser, tour):

@@ -223,9 +223,7 @@ def test_where_nothing_fits_one_line_is_left(text: str, wanted: str, lang: str) 
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)
-@pytest.mark.parametrize(
-    "text", ["xyz", "speedlimit", "Speed setpoint", "no code " * 20, "GET", "1.5"]
-)
+@pytest.mark.parametrize("text", ["xyz", "speed limit of none", "no code " * 20, "GET", "1.5"])
 def test_what_is_no_code_takes_one_line(
     text: str, lang: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -233,8 +231,6 @@ def test_what_is_no_code_takes_one_line(
     assert (status, out) == (2, "")
     (line,) = err.splitlines()
     assert columns(line) <= WIDE
-    if text in ("speedlimit", "Speed setpoint"):
-        assert "ds47 params show" in line
 
 
 # ---------------------------------------------------------------------------------- several at once

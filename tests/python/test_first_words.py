@@ -320,9 +320,36 @@ def test_a_name_is_found_whatever_stands_between_its_words(
     assert "p1120" in capsys.readouterr().out
 
 
-def test_a_name_that_is_no_code_is_looked_up_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["explain", "ramp-up time"]) == 2
-    assert "ds47 params show 'ramp-up time'" in capsys.readouterr().err
+def test_a_word_that_is_no_code_shows_the_parameters_that_have_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["params", "show", "ramp"]) == 0
+    whole = [each for each in capsys.readouterr().out.splitlines() if not each.startswith(" ")]
+    assert main(["explain", "ramp"]) == 0
+    *found, last = capsys.readouterr().out.splitlines()
+    assert found == whole[:10]
+    assert last == f"and {len(whole) - 10} more; all, with their sources: ds47 params show ramp"
+    assert main(["explain", "ramp-up", "time"]) == 0
+    out = capsys.readouterr().out
+    assert "p1120" in out
+    assert out.endswith("\nwith their sources: ds47 params show 'ramp-up time'\n")
+
+
+def test_a_word_that_is_a_code_too_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "slow"]) == 0
+    assert capsys.readouterr().out.startswith("DS416 slow")
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [(["-f", "json", "ramp"], True), (["p1120", "ramp"], True), (["rampart"], False)],
+)
+def test_a_look_up_by_name_is_offered_where_it_finds_something(
+    words: list[str], named: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["explain", *words]) == 2
+    out, err = capsys.readouterr()
+    assert (out, "ds47 params show ramp" in err) == ("", named)
 
 
 def test_a_file_that_no_format_is_for_is_refused(

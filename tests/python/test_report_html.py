@@ -792,6 +792,13 @@ def test_the_first_screen_says_what_matters(captures):
         assert part in text, part
 
 
+def test_the_first_problem_is_that_of_the_verdict_and_one_time_is_not_counted(captures):
+    text = page(analyze(captures / "profibus-wrong-project.pcapng"))
+    listed = text[text.index('<ol class="problem-list">') : text.index("</ol>")]
+    assert re.findall(r'href="#finding-1-(DS\d+)"', listed) == ["DS811", *["DS814"] * 3, "DS813"]
+    assert "1 time" not in listed
+
+
 @pytest.mark.parametrize(
     ("lang", "title"), [("en", "NOT OK: 192.168.133.2 writes"), ("zh", "不正常：192.168.133.2 在")]
 )

@@ -67,6 +67,24 @@ def test_a_capture_in_which_all_is_well_has_a_verdict_and_drives_and_no_more():
     ]
 
 
+def test_each_of_several_drives_has_its_times():
+    other, silent = "192.168.133.40", "192.168.133.50"
+    jobs = [
+        handmade.transaction(),
+        handmade.transaction(id=2, duration_ns=30_000_000),
+        handmade.transaction(id=3, device=other, duration_ns=5_000_000),
+        handmade.transaction(id=4, device=silent, duration_ns=None),
+    ]
+    devices = [Device(DRIVE), Device(other), Device(silent)]
+    lines = opening(capture(*jobs, devices=devices))
+    assert lines[lines.index("Drives") + 1 :] == [
+        f"  {DRIVE}  2 transactions, all done  p50 12.4 ms, max 30.0 ms",
+        f"  {other}  1 transaction, all done  p50 5.0 ms, max 5.0 ms",
+        f"  {silent}  1 transaction, all done",
+    ]
+    assert "  p50 12.4 ms，最长 30.0 ms\n" in written(capture(*jobs, devices=devices), lang="zh")
+
+
 def test_a_change_of_which_nobody_read_the_answer_is_not_ok(captures: Path):
     lines = opening(analyze(captures / "conversation-change-unread.pcapng"))
     assert lines[1:3] == [
@@ -100,8 +118,8 @@ def test_every_drive_has_its_counts_and_other_devices_stand_below():
         "  2 drives, 3 transactions, 2 ok, 1 refused",
     ]
     assert lines[6:11] == [
-        f"  {DRIVE}  2 transactions, 1 refused",
-        "  192.168.133.40  1 transaction, all done",
+        f"  {DRIVE}  2 transactions, 1 refused  p50 12.4 ms, max 12.4 ms",
+        "  192.168.133.40  1 transaction, all done  p50 12.4 ms, max 12.4 ms",
         "",
         "Other devices",
         "  192.168.133.50",

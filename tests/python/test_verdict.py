@@ -36,7 +36,11 @@ def tcp(port: int) -> bytes:
 def unplugged(tmp_path: Path) -> Path:
     """What a computer sees at a port that is not mirrored."""
     frames = [*[tcp(443)] * 18, frame(0x0806, bytes(28)), tcp(502)]
-    path = tmp_path / "unplugged.pcap"
+    return written(tmp_path / "unplugged.pcap", frames)
+
+
+def written(path: Path, frames: list[bytes]) -> Path:
+    """A capture with a frame each second."""
     path.write_bytes(
         struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
         + b"".join(struct.pack("<IIII", n, 0, len(each), len(each)) + each for n, each in enumerate(frames, 1))
@@ -112,6 +116,28 @@ def test_an_empty_capture_is_an_answer(unplugged: Path, capsys: pytest.CaptureFi
     )
     assert lines[2].startswith("  Was it taken at a mirror port?")
     assert analyze(unplugged).others == {"TCP": 18, "ARP": 1, "Modbus TCP": 1}
+
+
+def test_profinet_without_a_drive_is_not_said_to_be_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    discovery = frame(0x8892, bytes.fromhex("FEFE05000102030400010004FFFF0000").ljust(46, b"\0"))
+    path = written(tmp_path / "discovery.pcap", [discovery] * 3)
+    assert main(["report", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines()[1] == (
+        "EMPTY: 3 frames, no record or cyclic data of PROFINET, no PROFIBUS or S7 (PROFINET 3)"
+    )
+
+
+def test_the_trail_of_an_empty_capture_says_why(
+    unplugged: Path, captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["trail", str(unplugged)]) == 0
+    err = capsys.readouterr().err
+    assert "EMPTY: 20 frames, none of PROFINET, PROFIBUS or S7" in err
+    assert "mirror port" in err
+    assert main(["trail", str(captures / "seed-g120-read.pcapng")]) == 0
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("command", ["report", "check"])

@@ -25,6 +25,8 @@ _LONGEST = 5
 _LINE = 140 - len("ds47: error: ")
 _SHOWN = 24
 """Characters of a text that is no code: the rest of it says no more."""
+_FOUND = 10
+"""Parameters that are listed for a word of their names."""
 
 
 @click.command(
@@ -50,10 +52,13 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
     So does a block, with or without its output: GET 2, SINA_PARA DiagId 80B5, SINA_POS 8402.
     Several codes are explained one after the other.
     A format may be given by its name, or by that of the type in a PLC: Float32, REAL.
+    A word that is no code lists parameters that have it in their names.
     """
     for word in code:
         if word.startswith("-") and not word[1:].isdigit():
             raise click.NoSuchOption(word)
+    if format_name == "text" and _named(" ".join(code), lang):
+        return
     for number, text in enumerate(_codes(code, vendor, lang)):
         if number and format_name == "text":
             stdout().write("\n")
@@ -102,6 +107,35 @@ def _knows(text: str, lang: str, known: bool = True) -> bool:
         return explain(text, lang)[0].known or not known
     except UnknownFormError:
         return False
+
+
+def _named(text: str, lang: str) -> bool:
+    """Lists the first parameters that have a word in their names; whether it is such a word, and no code.
+
+    A word that takes a number behind it, as in `error 82`, is none.
+    """
+    from ds47.cli.params import looked_up
+    from ds47.report import known
+    from ds47.report.bilingual import say
+    from ds47.report.wrap import cut
+    from ds47.spec.shell import shell_word
+
+    codes = (text, f"{text} 1", *text.split())
+    if not _is_word(text) or any(_knows(each, lang, known=False) for each in codes):
+        return False
+    found = looked_up(text, lang) or []
+    width = prose_width()
+    tell(cut(known.heading(each), width) for each in found[:_FOUND])
+    if found:
+        more = f"ds47 params show {shell_word(text)}"
+        left = len(found) - _FOUND
+        key = "params_all" if left <= 0 else "params_more"
+        tell([say(key, n=max(left, 0), command=more).text(lang)])
+    return bool(found)
+
+
+def _is_word(text: str) -> bool:
+    return any(each.isalpha() for each in text) and not any(each.isdigit() for each in text)
 
 
 def _print(text: str, vendor: str | None, lang: str, format_name: str) -> None:
@@ -174,17 +208,21 @@ def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
     try:
         return explain(text, lang, maker)
     except UnknownFormError as problem:
-        raise click.ClickException(_unknown(text, explanations.forms(lang))) from problem
+        raise click.ClickException(_unknown(text, explanations.forms(lang), lang)) from problem
 
 
-def _unknown(text: str, forms: str) -> str:
+def _unknown(text: str, forms: str, lang: str) -> str:
     """What is said of a text that is no code, in a line of _LINE characters with what stands in front of it."""
+    from ds47.cli.params import looked_up
     from ds47.report.wrap import columns
     from ds47.spec.shell import shell_word
 
     shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
     said = f"unknown code {shown!r}. {forms}"
     named = f"; by name: ds47 params show {shell_word(text)}"
-    hint = any(each.isalpha() for each in text) and not any(each.isdigit() for each in text)
-    tries = (said + named, f"unknown code {shown!r}{named}") if hint else ()
+    tries = (
+        (said + named, f"unknown code {shown!r}{named}")
+        if _is_word(text) and looked_up(text, lang)
+        else ()
+    )
     return next((each for each in tries if columns(each) <= _LINE), said)

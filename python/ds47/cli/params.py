@@ -148,7 +148,7 @@ def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
     """
     from ds47.report import known
 
-    found = _looked_up(" ".join(words), lang)
+    found = looked_up(" ".join(words), lang)
     if found is None:
         return _UNREADABLE
     stream = stdout()
@@ -164,7 +164,8 @@ def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
     return 0
 
 
-def _looked_up(text: str, lang: str) -> list[SourceEntry] | None:
+def looked_up(text: str, lang: str) -> list[SourceEntry] | None:
+    """What is known of a number or a word; None, and a warning, where a list cannot be read."""
     from ds47.parameters import lists, store
     from ds47.parameters.catalogue import Catalogue
     from ds47.report import known

@@ -6,7 +6,7 @@ Here: options, finding the files, exit status. What is printed is `ds47.report.c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,6 +19,9 @@ from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
 from ds47.report.zones import Zone
+
+if TYPE_CHECKING:
+    from ds47.model import CaptureResult
 
 
 @click.command(
@@ -74,6 +77,8 @@ def command(
                 asked = ", ".join(map(str, choice.selection.drive_objects))
                 words = say("trail_unproved", path=escape(result.path), n=left, do=asked)
                 warn(words.text(lang))
+            if result.nothing:
+                _warn_of_nothing(result, lang)
             if not result.complete:
                 misses(about(task.path, result.problem or ""))
             tell_lacking(task.path, result.missing_files, result.lacking, misses)
@@ -85,3 +90,11 @@ def command(
     if misses:
         return 3
     return int(bool(choice) and not changes)
+
+
+def _warn_of_nothing(result: CaptureResult, lang: str) -> None:
+    """A capture without traffic of drives has no writes for another reason than a quiet line."""
+    from ds47.report.verdict import VerdictCounts, verdict
+
+    said = verdict(VerdictCounts.of(result)).text(lang)
+    warn(f"{escape(result.path)}: {said}. {say('verdict_mirror').text(lang)}")

@@ -131,17 +131,22 @@ def about(found: ParameterList, lang: str) -> str:
     return ", ".join(each.text(lang) for each in parts) or say("params_any").text(lang)
 
 
+def heading(each: SourceEntry) -> str:
+    """Number, name, type and unit: `p1120  Ramp-function generator, ramp-up time  (Float32, s)`."""
+    number = (
+        f"{each.letter}{each.number:05}"
+        if each.kind == "message"
+        else f"{each.letter or 'p'}{each.number:04}"
+    )
+    about_ = ", ".join(
+        part for part in (each.type, escape(each.unit) if each.unit else None) if part
+    )
+    return f"{number}  {escape(each.name)}{f'  ({about_})' if about_ else ''}"
+
+
 def lines(all_: Iterable[SourceEntry]) -> Iterator[str]:
     """Each of them: number, name, type and unit, then texts of values, then where it is from."""
     for each in all_:
-        number = (
-            f"{each.letter}{each.number:05}"
-            if each.kind == "message"
-            else f"{each.letter or 'p'}{each.number:04}"
-        )
-        about_ = ", ".join(
-            part for part in (each.type, escape(each.unit) if each.unit else None) if part
-        )
-        yield f"{number}  {escape(each.name)}{f'  ({about_})' if about_ else ''}"
+        yield heading(each)
         yield from (f"      {value} = {escape(text)}" for value, text in each.values.items())
         yield f"      {each.source}"

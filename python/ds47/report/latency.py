@@ -46,12 +46,21 @@ class Latency:
             return ""
         shown = say("latency_unknown")
         if self._times:
-            ordered = sorted(self._times, key=self._nanoseconds.__getitem__)
+            ordered = self._ordered()
             half, most, nearly = (self._percentile(ordered, each) for each in (50, 95, 99))
             shown = say("latency", half=half, most=most, nearly=nearly, longest=ordered[-1])
         if self._negative:
             shown = shown.joined(say("negative_times", n=self._negative))
         return shown.text(lang)
+
+    def brief(self, lang: str = "en") -> str:
+        """The typical and the longest one, of which there must be one."""
+        ordered = self._ordered()
+        half = self._percentile(ordered, 50)
+        return say("latency_brief", half=half, longest=ordered[-1]).text(lang)
+
+    def _ordered(self) -> list[str]:
+        return sorted(self._times, key=self._nanoseconds.__getitem__)
 
     def _percentile(self, ordered: Sequence[str], percent: int) -> str:
         wanted = -(-percent * self._times.total() // 100)

@@ -17,6 +17,7 @@ from ds47.report.digest import times_of, who
 from ds47.report.file_frames import FileFrames
 from ds47.report.filters import display_filter, plugin_filter
 from ds47.report.formatting import escape
+from ds47.report.latency import Latency
 from ds47.report.sentences import advice, advice_parts, sentence
 from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
 from ds47.report.verdict import VerdictCounts, blind, inventory, verdict
@@ -84,12 +85,19 @@ class Opening:
         drives = who(result, counts)
         ours = {each.device.ip for each in drives}
         others = [each for each in result.devices if each.ip not in ours]
-        texts = [("  " + each.transactions.text(self._lang), each.telegram) for each in drives]
+        times = _times(result) if len(drives) > 1 else {}
+        texts = [
+            (f"  {each.transactions.text(self._lang)}{self._time(times.get(each.device.ip))}", each.telegram)
+            for each in drives
+        ]  # fmt: skip
         devices = [each.device for each in drives]
         yield from self._devices("drives_head", "more_drives", devices, texts)
         yield from self._devices(
             "other_devices_head", "more_devices", others, [("", None)] * len(others)
         )
+
+    def _time(self, latency: Latency | None) -> str:
+        return f"  {latency.brief(self._lang)}" if latency else ""
 
     def _devices(
         self,
@@ -298,3 +306,12 @@ def whose(item: Device, lang: str) -> str:
     if item.device_id is not None:
         parts.append(say("device_id", id=f"{item.device_id:04X}").text(lang))
     return "".join(f"  {part}" for part in parts)
+
+
+def _times(result: CaptureResult) -> dict[str, Latency]:
+    """How long the transactions of each drive took, by its address."""
+    found: dict[str, Latency] = {}
+    for each in result.transactions:
+        if each.duration_ns is not None and each.duration_ns >= 0:
+            found.setdefault(result.device(each.device).ip, Latency()).add(each.duration_ns)
+    return found

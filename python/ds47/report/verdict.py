@@ -253,7 +253,8 @@ def _nothing(counts: VerdictCounts) -> Both:
         return say("verdict_no_jobs")
     if counts.nothing < counts.captures:
         return joined([*(_who(counts) or [frames]), say("verdict_no_jobs")])
-    text = joined([frames, say("verdict_nothing")])
+    key = "verdict_only_other_profinet" if counts.others["PROFINET"] else "verdict_nothing"
+    text = joined([frames, say(key)])
     kinds = joined(
         [Both.same(f"{kind} {number:,}") for kind, number in counts.others.most_common()]
     )

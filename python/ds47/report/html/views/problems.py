@@ -213,10 +213,11 @@ def first_screen(items: list[Problem]) -> list[Problem]:
     return sorted((chosen + spare)[:FIRST_SCREEN], key=_serious_first)
 
 
-def _serious_first(item: Problem) -> tuple[bool, bool, int, int]:
-    """Diagnoses before other findings, but a note behind all that went wrong."""
+def _serious_first(item: Problem) -> tuple[bool, bool, int, int, str]:
+    """Diagnoses before other findings, but a note behind all that went wrong; equals as in the verdict."""
     note, diagnosed = item.severity == "note", item.rule.startswith(DIAGNOSIS)
-    return (note, not diagnosed, -SEVERITIES.index(item.severity), -item.count)
+    rule = "" if diagnosed else item.rule
+    return (note, not diagnosed, -SEVERITIES.index(item.severity), -item.count, rule)
 
 
 def _kind(finding: Finding, owner: Transaction | None) -> tuple[tuple[str, object], Both]:

@@ -111,7 +111,7 @@ class Chart {
     const left = 30 + 7 * Math.max(...up.map(([, text]) => text.length));
     const at = this.at = { left, width: width - left - 2 * EDGE, height: height - (this.x.clock?.dated ? 52 : 38) - EDGE };
     [at.x, at.y] = [scale(this.x, this.seen(), at.width, 0), scale(this.y, this.y.range, 0, at.height)];
-    const across = ticksOf(this.x, this.seen(), at.width / (this.x.clock ? 80 : 60));
+    const across = ticksOf(this.x, this.seen(), at.width / (this.x.clock ? 96 : 60));
     const paths = this.layers.map((layer) => this.layer(layer));
     this.cover = svg("rect", { class: "cover", width: 0, height: at.height });
     const inside = svg("svg", { x: left - EDGE, y: 0, width: at.width + 2 * EDGE, height: at.height + 2 * EDGE }, svg("g", { transform: `translate(${EDGE} ${EDGE})` }, paths, this.cover));

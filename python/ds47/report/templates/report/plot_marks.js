@@ -36,7 +36,7 @@ function biggest(items, of, most) {
 
 /** How long the transactions of each group take. */
 function figuresTable(words, groups) {
-  const heads = [words, say("plot_jobs"), "p50", "p95", "p99", say("plot_slowest")];
+  const heads = [words, say("plot_count"), "p50", "p95", "p99", say("plot_slowest")];
   const lines = groups.map(([name, points]) => {
     const of = figuresOf(measured(points));
     return el("tr", {}, el("th", { scope: "row" }, name ?? say("plot_others")), [of.n, of.p50, of.p95, of.p99, of.max].map((text) => el("td", { class: "number" }, text)));

@@ -284,7 +284,8 @@ class Plots {
     const points = series.points.map((point) => ({ ...point, value: point.y, y: Math.min(Math.max(point.y, edges[0]), edges[1]) }));
     const beyond = points.filter(({ y, value }) => y !== value).length;
     const unit = series.unit ? ` ${series.unit}` : "";
-    const text = say("plot_value_text", { points: say("points", { n: grouped(points.length) }), read: grouped(count("read")), written: grouped(count("written")), sent: grouped(count("sent")), refused: grouped(count("refused")), low: low + unit, high: high + unit })
+    const range = say(low === high ? "plot_one_value" : "plot_range", { low: low + unit, high: high + unit });
+    const text = say("plot_value_text", { points: say("points", { n: grouped(points.length) }), read: grouped(count("read")), written: grouped(count("written")), sent: grouped(count("sent")), refused: grouped(count("refused")), range })
       + (beyond ? ` ${say("plot_beyond", { n: grouped(beyond) })}` : "");
     canvas.setAttribute("aria-label", `${say("plot_value")}, ${parameter}: ${text}`);
     this.valueAbout.textContent = text;

@@ -66,7 +66,8 @@ function framesText(frames) {
 }
 
 function ruleLinks(capture, row) {
-  return capture.rulesOf(row).flatMap(([rule], number) => [number ? " " : "", el("a", { href: `#finding-${capture.number}-${rule}` }, rule)]);
+  const links = capture.rulesOf(row).flatMap(([rule], number) => [number ? " " : "", el("a", { href: `#finding-${capture.number}-${rule}` }, rule)]);
+  return links.length ? [el("span", {}, links)] : [];
 }
 
 /** What a transaction asked and got, as nodes: the first parameters, the failed ones marked. */
