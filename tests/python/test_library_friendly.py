@@ -169,8 +169,8 @@ def test_what_the_drive_says_of_its_telegram() -> None:
     assert [result.telegram(each) for each in result] == [102, 5, 102, None, 5]
     words = Telegrams(said_by((3, "ok", 102), (4, "ok", 5))).words("192.168.0.9")
     assert words is not None
-    assert words.en == "DO 3: telegram 102 without PKW; DO 4: telegram 5"
-    assert words.zh == "DO 3：报文 102，不带 PKW；DO 4：报文 5"
+    assert words.en == "DO 3: telegram 102 without PKW; DO 4: telegram 5 without PKW"
+    assert words.zh == "DO 3：报文 102，不带 PKW；DO 4：报文 5，不带 PKW"
     assert Telegrams(said_by((3, "ok", 102))).words("192.168.0.8") is None
 
 
