@@ -247,9 +247,34 @@ def _no_result(case: Case) -> Iterator[str]:
 def _refused(case: Case) -> Iterator[str]:
     def each(job: Job) -> Iterator[str]:
         yield from case.ends(job.line, job.by_client)
-        yield from case.wrong(operation=job.name, area=job.area, code=job.error)
+        yield from case.wrong(operation=job.name, area=job.area, code=job.error, **_sums(job))
 
     yield from _best(case, [each(job) for job in case.answered() if job.error])
+
+
+def _sums(job: Job) -> dict[str, Any]:
+    """Of a job that is too long: what it needs, and how much of it one PDU holds."""
+    found = dict.fromkeys(("sum", "needs", "agreed", "room", "jobs"), None)
+    agreed, sizes, heads = job.line.length, [each.size for each in job.items], (14, 4)
+    if job.write:
+        heads = (12, 16)
+    lengths = [
+        heads[0]
+        + heads[1] * count
+        + sum(size + size % 2 for size in sizes[: count - 1])
+        + sizes[count - 1]
+        for count in range(1, len(sizes) + 1)
+    ]
+    if job.error != 0x8500 or agreed is None or not lengths or lengths[-1] <= agreed:
+        return found
+    way, one = "put" if job.write else "get", agreed - sum(heads)
+    found |= {"needs": lengths[-1], "agreed": agreed}
+    if len(sizes) == 1:
+        return found | {"sum": f"{way}_bytes", "room": one, "jobs": -(-sizes[0] // one)}
+    return found | {
+        "sum": f"{way}_items",
+        "room": len([each for each in lengths if each <= agreed]),
+    }
 
 
 @auditor("DS906")

@@ -308,7 +308,7 @@ def test_a_channel_that_the_native_engine_does_not_see(
     ready: Callable[..., Engine], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What it passes over goes through tshark, too, and so it is not missed by both."""
-    monkeypatch.setattr(cyclic_channels, "channels", lambda _: iter(()))
+    monkeypatch.setattr(cyclic_channels, "channels", lambda *_: iter(()))
     result = ready("both").analyze(CAPTURES / "cyclic-does-not-start.pcapng")
     told = [each.args["difference"] for each in result.findings if each.rule == "DS601"]
     assert any("DS523" in each for each in told)

@@ -408,9 +408,9 @@ def test_explain_says_what_lists_have(tmp_path, capsys):
         "0": "U/f linear",
         "20": "Drehzahlregelung",
     }
-    assert main(["explain", "7900"]) == 0  # a word of a status, or what is in r0945
+    assert main(["explain", "7900"]) == 0  # what is in r0945, or the first word of PKW
     assert capsys.readouterr().out.startswith(
-        "F07900  Antrieb: Motor blockiert\n      list g120: from g120.csv\nword 0x7900 = 30976: "
+        "F07900  Antrieb: Motor blockiert\n      list g120: from g120.csv\nPKE 16#7900: "
     )
     assert main(["explain", "47", "-f", "json"]) == 0
     assert "lists" not in json.loads(capsys.readouterr().out)
