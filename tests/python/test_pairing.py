@@ -370,3 +370,21 @@ def test_a_record_is_for_a_refused_write_if_nothing_is_missing_behind_that(
     job = channel.ask(reference=229)
     channel.written(job, status=0xDF80B600)
     assert (channel.bring(reference=229) is job) is own
+
+
+def test_a_record_is_not_for_a_refused_write_where_the_open_request_was_set_aside() -> None:
+    """A Read of the first one has no answer: whether it is over nobody knows, so the record may be its own."""
+    channel = Channel()
+    channel.open(reference=9)
+    channel.bring(reference=9)
+    channel.open(reference=1)
+    read = channel.record(False)
+    read.request = channel.half()
+    channel.pairing.read_request(read)
+    refused = channel.ask(reference=2)
+    channel.written(refused, status=REFUSED)
+    channel.read(status=BUSY)
+    orphan = channel.bring(reference=1)
+    assert orphan is not None
+    assert orphan is not refused
+    assert orphan.message is None

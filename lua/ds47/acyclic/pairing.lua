@@ -467,6 +467,7 @@ local function new_channel(self, key, peer, record)
     unasked_frame = 0, -- frame of the newest Write response without a captured request
     unseen_frame = 0, -- the same, but only for an accepted Write: it displaced what was open
     ended_frame = 0, -- frame of the newest Read response that ended a known request, or found none open
+    aside = nil, -- why the open request was set aside, until another was accepted
   }
   self.channels:set(key, channel)
   put_in(self.of_ar, of_ar, key)
@@ -550,7 +551,7 @@ local function accept(self, channel, job)
     local open = channel.open
     if open then displace(self, channel, job) end
     if channel.refused then leave_refused(self, channel) end
-    channel.open = job
+    channel.open, channel.aside = job, nil
   end
   job.phase = PHASES[job.phase].write_accepted
 end
@@ -968,7 +969,7 @@ local function of_another(self, channel, job, record)
   local since = over and idle_since(self, channel, sought) or asked.frame
   local found = requests_missing_after(self, job.peer, channel, since, fits)
   if found == nil and job == channel.refused and has_data and not fits then
-    found = missing_after(self, job.peer, 0) -- it may mirror a request before a Connect
+    found = channel.aside or missing_after(self, job.peer, 0) -- it may mirror a request before a Connect
   end
   if unknown and found then
     return requests_missing_after(self, job.peer, channel, asked.frame, fits) or unanswered(job, asked)
@@ -1010,6 +1011,7 @@ function Pairing:read_response(peer, record)
   local over = job and wrote_behind(channel, job, record)
   if over then
     set_aside(self, channel, job, over)
+    channel.aside = over
     forget_last(self, channel) -- the missing response is newer
     job = addressee(channel, event, record)
     if job and half.data ~= "" and not mirrors(job, half.data) then

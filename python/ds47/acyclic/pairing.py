@@ -245,6 +245,8 @@ class Channel(Plain):
     """The same, but only for an accepted Write: it displaced what was open."""
     ended_frame: int
     """The frame of the newest Read response that ended a known request, or found none open; 0 for neither."""
+    aside: Missing | None
+    """Why the open request was set aside: a record may be the response to it; None once another was accepted."""
 
     def __init__(
         self,
@@ -267,6 +269,7 @@ class Channel(Plain):
         self.heard_frame = 0
         self.unasked_frame = self.unseen_frame = 0
         self.ended_frame = 0
+        self.aside = None
 
     def pass_over(self) -> None:
         """No request is open: a Read no longer counts as the answer to a Write that waits for its response."""
@@ -606,7 +609,8 @@ class Pairing:
             since = self._idle_since(job.key, channel, record.request or half)
         found = self._requests_missing_after(job.peer, channel, since, ordered=fits)
         if found is None and job is channel.refused and half.data and not fits:
-            found = self._missing_after(job.peer, 0)  # it may mirror a request before a Connect
+            # it may mirror a request that was set aside, or one before a Connect
+            found = channel.aside or self._missing_after(job.peer, 0)
         if unknown and found is not None:  # at least its own Write response is missing
             lacks = self._requests_missing_after(job.peer, channel, asked.frame, ordered=fits)
             return lacks or _unanswered(job, asked)
@@ -903,7 +907,7 @@ class Pairing:
             if channel.refused is not None:
                 self._close(channel.refused, "")
                 channel.refused = None
-            channel.open = job
+            channel.open, channel.aside = job, None
         job.phase = self._table[job.phase]["write_accepted"]
 
     def _displace(self, channel: Channel, job: Job, by: Job) -> None:
@@ -1023,6 +1027,7 @@ class Pairing:
         if over is None:
             return found
         self._set_aside(channel, found, over)
+        channel.aside = over
         self._forget_last(channel)  # the missing response is newer
         job = self._addressee(channel, event, record)
         strange = job is not None and half is not None and half.data and not _mirrors(job, half)
