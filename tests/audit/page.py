@@ -282,8 +282,8 @@ def _drives(lines: list[str], reading: Reading) -> Iterator[str]:
     for line in whole(lines, 6):
         ip = line.split()[0]
         found = re.search(r"\b\d[\d,]* transactions?\b.*$", line)
-        telegrams = r" (DO \d|slot \d|PPO\d|telegram \d|lengths fit |PKW).*"
-        counts = re.sub(telegrams, "", found[0]) if found else ""
+        more = r" (p50 \d|DO \d|slot \d|PPO\d|telegram \d|lengths fit |PKW).*"
+        counts = re.sub(more, "", found[0]).strip() if found else ""
         if ip == "and":
             continue
         if ip not in devices:
