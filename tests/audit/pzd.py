@@ -422,8 +422,8 @@ def _away(finding: Finding, drive: Drive) -> Iterator[str]:
     there, gap = _stands(finding, drive), 10 * 163.84
     if finding.args["percent"] != 10:
         yield "it is 10 % of the reference value"
-    if there:  # of the last cycle one side may have been looked at, and the other one not
-        end = there[-1].time_ns - (drive.relation["cycle_ms"] or 0) * 1e6
+    if there:  # of the last cycle, or a little more, one side may have been looked at, and the other one not
+        end = there[-1].time_ns - (drive.relation["cycle_ms"] or 0) * 1.5e6
         there = [each for each in there if each.time_ns <= end] or there[:1]
     wrong = [
         each for each in there
