@@ -172,9 +172,15 @@ def test_it_can_be_said_at_the_command_and_in_ds47_toml(
     inside = Path(shutil.copy(path, folder))
     (folder / "ds47.toml").write_text('[names]\nvendor = "sinamics"\n', encoding="utf-8")
     assert options_for(str(inside), AnalysisOptions()).vendor_id == SIEMENS
-    other = tmp_path / "other"
-    other.mkdir()
-    inside = Path(shutil.copy(path, other))
-    (other / "ds47.toml").write_text('[names]\nvendor = "abb"\n', encoding="utf-8")
-    with pytest.raises(CaptureError, match="vendor"):
-        options_for(str(inside), AnalysisOptions())
+    for said, number in (('"vacon"', 0x01BA), ("0x0106", 0x0106), ('"lense"', None)):
+        there = tmp_path / f"of {number}"
+        there.mkdir()
+        inside = Path(shutil.copy(path, there))
+        (there / "ds47.toml").write_text(f"[names]\nvendor = {said}\n", encoding="utf-8")
+        if number is None:
+            with pytest.raises(CaptureError, match="did you mean Lenze"):
+                options_for(str(inside), AnalysisOptions())
+        else:
+            assert options_for(str(inside), AnalysisOptions()).vendor_id == number
+    assert main(["report", str(path), "--vendor", "Vacon"]) == 0
+    assert "assumed to be 0x01BA (Vacon)" in capsys.readouterr().out

@@ -1647,7 +1647,7 @@ M.rules.DS713.args = {parameters = "number", number = "number", what = "key", pn
 M.rules.DS714.args = {pnu = "pnu", subindex = "number", format = "text", values = "values", case = "key", better = "text", better_code = "hex", seen = "frame", bits = "key", meant = "values", code = "code", family = "family"}
 M.rules.DS715.args = {what = "key", meant = "line", family = "family"}
 M.rules.DS716.args = {what = "key", meant = "line", family = "family"}
-M.rules.DS717.args = {pnu = "pnu", subindex = "number", elements = "number", case = "key", have = "number", need = "number", code = "code", vendor_id = "vendor", family = "family"}
+M.rules.DS717.args = {pnu = "pnu", subindex = "number", elements = "number", case = "clause", have = "number", need = "number", code = "code", vendor_id = "vendor", family = "family"}
 M.rules.DS718.args = {pnu = "pnu", subindex = "number", state = "text", code = "code", vendor_id = "vendor", family = "family"}
 M.rules.DS719.args = {pnu = "pnu", subindex = "number", code = "code", vendor_id = "vendor", family = "family"}
 M.rules.DS720.args = {pnu = "pnu", subindex = "number", format = "text", value = "value", case = "key", source = "pnu", code = "code", vendor_id = "vendor", family = "family"}
@@ -1796,7 +1796,7 @@ M.report_words = {
   description_texts = {en = "has texts", zh = "有文本"},
   description_changed = {en = "not at its factory setting", zh = "非出厂设置"},
   description_reset = {en = "can only be reset", zh = "只能复位"},
-  vendor_assumed = {en = "no vendor seen, assumed to be 0x{id} (SINAMICS)", zh = "未见厂商，按 0x{id}（SINAMICS）处理"},
+  vendor_assumed = {en = "no vendor seen, assumed to be 0x{id} ({vendor})", zh = "未见厂商，按 0x{id}（{vendor}）处理"},
   vendor_id = {en = "vendor 0x{id}", zh = "厂商 0x{id}"},
   device_id = {en = "device 0x{id}", zh = "设备 0x{id}"},
   severity_error = {en = "error", zh = "错误"},

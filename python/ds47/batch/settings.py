@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ds47.analysis import AnalysisOptions
 from ds47.capture import CaptureError
-from ds47.model import SIEMENS
 from ds47.report import heading
 from ds47.report.heading import Heading
 from ds47.report.zones import Zone, zone
@@ -108,9 +107,18 @@ def parse_names(table: Any) -> int | None:
     if unknown:
         raise ValueError(f"[names]: unknown key {min(unknown)!r}; known is vendor")
     vendor = table.get("vendor")
-    if vendor not in (None, "sinamics"):
-        raise ValueError(f'[names] vendor: "sinamics", not {vendor!r}')
-    return None if vendor is None else SIEMENS
+    if vendor is None or (isinstance(vendor, int) and not isinstance(vendor, bool)):
+        return vendor
+    from ds47.spec.maker_names import UnclearNameError, find  # few settings name one
+
+    try:
+        found = find(str(vendor))
+    except UnclearNameError as problem:
+        near = f"; did you mean {', '.join(problem.near)}?" if problem.near else ""
+        raise ValueError(f"[names] vendor: no maker {vendor!r}{near}") from None
+    if found.id is None:
+        raise ValueError(f"[names] vendor: no source gives the id of {found.name}")
+    return found.id
 
 
 def parse_expect(table: Any) -> str | None:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ds47.cli.common import codec_options, dialect_options, lang_option, warn
-from ds47.model import CHANNELS, SEVERITIES, SIEMENS
+from ds47.cli.common import codec_options, dialect_options, lang_option, vendor_number, warn
+from ds47.model import CHANNELS, SEVERITIES
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
@@ -169,7 +169,7 @@ def analysis_options(function: Function) -> Function:
         ),
         click.option(
             "--vendor",
-            type=click.Choice(["sinamics"], case_sensitive=False),
+            metavar="NAME|ID",
             help="Vendor to assume when the capture names none.",
         ),
         click.option(
@@ -282,7 +282,7 @@ def options_from(
         cyclic=_named(cyclic),
         ppos=_ppos(ppos),
         s7=_s7(s7_ports, s7_cpus, s7_blocks, s7_readback),
-        vendor_id=None if vendor is None else SIEMENS,
+        vendor_id=None if vendor is None else vendor_number(vendor),
         lists=_lists(lists, kept_lists),
         **others,
     )

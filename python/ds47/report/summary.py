@@ -22,6 +22,7 @@ from ds47.report.sentences import advice, advice_parts, sentence
 from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
 from ds47.report.verdict import VerdictCounts, blind, inventory, verdict
 from ds47.report.wrap import columns, cut, fitted, wrap
+from ds47.spec import called
 
 WIDTH = 100
 """Columns of a line of prose at most; what can be copied is never broken."""
@@ -302,7 +303,9 @@ def whose(item: Device, lang: str) -> str:
     if item.vendor_id is not None:
         parts.append(say("vendor_id", id=f"{item.vendor_id:04X}").text(lang))
     elif item.assumed_vendor_id is not None:
-        parts.append(say("vendor_assumed", id=f"{item.assumed_vendor_id:04X}").text(lang))
+        vendor = called(item.assumed_vendor_id, lang)
+        words = say("vendor_assumed", id=f"{item.assumed_vendor_id:04X}", vendor=vendor)
+        parts.append(words.text(lang))
     if item.device_id is not None:
         parts.append(say("device_id", id=f"{item.device_id:04X}").text(lang))
     return "".join(f"  {part}" for part in parts)

@@ -255,6 +255,8 @@ def preferences(options: AnalysisOptions) -> list[str]:
     slow_ms = limits().slow_ns / 1e6 if options.slow_ms is None else options.slow_ms
     if not 0 <= slow_ms <= _MOST_MS or slow_ms != int(slow_ms):
         raise tshark.NotReadyError(f"the engine tshark takes whole ms for --slow, not {slow_ms:g}")
+    if options.vendor_id not in (None, SIEMENS):
+        raise tshark.NotReadyError("the engine tshark takes --vendor sinamics alone")
     codec = options.codec
     # Wireshark 3.4 takes no empty value. A preference is empty unless set.
     indices = ",".join(map(str, sorted(options.indices)))
