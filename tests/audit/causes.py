@@ -437,6 +437,37 @@ def _read_length(case: Case) -> Iterator[str]:
         yield "the Read was not refused for its length"
     if not isinstance(need, int) or need <= reads[0].wanted:
         yield "it does not need more"
+        return
+    more, whole = case.args.get("more"), case.args.get("whole")
+    lengths = _lengths(deal, case.reading) if deal.asked is not None else [None]
+    true = None if None in lengths else 4 + sum(each or 0 for each in lengths)
+    if more not in (None, "mlen_whole") or (more is None) != (whole is None):
+        yield f"{more!r} says nothing of {whole!r}"
+    elif more is not None and (whole <= need or whole != (true or whole)):
+        yield f"with all values it has {true}, not {whole!r}"
+
+
+def _lengths(deal: Deal, reading: Reading) -> list[int | None]:
+    """Bytes of the block of each parameter with all its values; None where no answer of the device shows them."""
+    assert deal.asked is not None
+    sizes = {
+        address.pnu: block.size
+        for each in reading.deals if each.device == deal.device
+        for address, block in each.pairs() if not block.failed and block.size
+    }  # fmt: skip
+    blocks = deal.answer.blocks if deal.answer is not None else []
+    found: list[int | None] = []
+    for number, address in enumerate(deal.asked.addresses):
+        block = blocks[number] if number < len(blocks) else None
+        size = sizes.get(address.pnu) if address.attribute == 0x10 else None
+        if block is not None and not block.failed and len(block.raw) == block.count * block.size:
+            found.append(2 + len(block.raw) + len(block.raw) % 2)
+        elif size:
+            values = size * max(1, address.elements)
+            found.append(2 + values + values % 2)
+        else:
+            found.append(None)
+    return found
 
 
 @auditor("DS713")
@@ -465,12 +496,7 @@ def _too_long(case: Case) -> Iterator[str]:
     elif case.args.get("room") not in ("room_seen", "room_stated"):
         yield f"room {case.args.get('room')!r} is none"
     yield from _no_room(case, deal.asked, deal.answer)
-    fits = case.args.get("fits")
-    counted = case.args.get("fit") == "fit_parameters" and case.args.get("what") == "left_out"
-    if counted and not (
-        isinstance(fits, int) and len(deal.answer.blocks) <= fits < deal.parameters_asked
-    ):
-        yield f"{fits!r} have room, and {len(deal.answer.blocks)} found it"
+    yield from _has_room(case, deal)
     if there == deal.parameters_asked:
         yield "all found room"
 
@@ -480,6 +506,38 @@ def _stated(deal: Deal, reading: Reading) -> list[int]:
     frame = reading.capture.frame(deal.read or 0)
     reads = reading.answered_at.get(deal.read or 0, [])
     return [each.stated for each in reads] if frame is not None and frame.cut else []
+
+
+def _has_room(case: Case, deal: Deal) -> Iterator[str]:
+    """For how many parameters, or elements of the first one, there is room."""
+    fit, fits, most = (case.args.get(name) for name in ("fit", "fits", "most"))
+    if fit not in (None, "fit_parameters", "fit_elements"):
+        yield f"fit {fit!r} is none"
+    if fit is None or not isinstance(fits, int):
+        if (fits, most) != (None, None) or fit is not None:
+            yield f"{fit!r} says nothing of {fits!r} and {most!r}"
+        return
+    limit = case.args.get("limit") or 0
+    room = limit if case.args.get("room") == "room_stated" else max(limit, 240)
+    yield from case.wrong("most", room)
+    left, lengths = room - 4, _lengths(deal, case.reading)
+    for number, length in enumerate(lengths):
+        if length is None:
+            return
+        if length > left:
+            assert deal.asked is not None
+            values = max(1, deal.asked.addresses[0].elements)
+            size = (length - 2) // values if values > 1 else 0
+            wanted = (
+                ("fit_parameters", number)
+                if number or fit == "fit_parameters"
+                else ("fit_elements", max(0, left - 2) // (size or 1))
+            )
+            if (fit, fits) != wanted:
+                yield f"{fit} {fits} is {wanted}"
+            return
+        left -= length
+    yield "all have room"
 
 
 def _no_room(case: Case, asked: message.Message, answer: message.Message) -> Iterator[str]:

@@ -334,7 +334,7 @@ def check_verdict(text: list[str], told: set[tuple[str, ...]]) -> None:
         assert found, verdict
         assert int(found[1]) == different, verdict
     else:
-        assert verdict.startswith(("None of", "The 1 ", "No parameter")), verdict
+        assert verdict.startswith(("None of", "The one parameter", "No parameter")), verdict
 
 
 CONCLUSION = re.compile(

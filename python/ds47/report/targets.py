@@ -224,5 +224,5 @@ def _told(transactions: Iterable[Transaction]) -> Iterator[tuple[Transaction, in
             if each.pnu != _SELECTION or each.error is not None or each.attribute != "value":
                 continue
             number = each.values[0] if each.values else None
-            if isinstance(number, int) and 0 < number <= 999:
-                yield item, number
+            if isinstance(number, int | float) and number % 1 == 0 and 0 < number <= 999:
+                yield item, int(number)
