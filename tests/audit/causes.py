@@ -460,8 +460,9 @@ def _lengths(deal: Deal, reading: Reading) -> list[int | None]:
     for number, address in enumerate(deal.asked.addresses):
         block = blocks[number] if number < len(blocks) else None
         size = sizes.get(address.pnu) if address.attribute == 0x10 else None
-        if block is not None and not block.failed and len(block.raw) == block.count * block.size:
-            found.append(2 + len(block.raw) + len(block.raw) % 2)
+        if block is not None and not block.failed:  # it may be cut
+            values = block.count * block.size
+            found.append(2 + values + values % 2 if block.size else None)
         elif size:
             values = size * max(1, address.elements)
             found.append(2 + values + values % 2)

@@ -156,7 +156,7 @@ TWO_FOUND = message.answer(1, 1, 1, BYTES, TEN)
         (READ_ARRAY, REALS, 5, 6, 22),  # the format and the number are not both there
         (TWO, TWO_FOUND, 9, 12, 16),  # the pad before the next block, and its first two bytes
         (TWO, TWO_FOUND, 10, 12, 16),
-        (TWO, TWO_FOUND, 7, 9, None),  # of the first one nobody knows the size
+        (TWO, TWO_FOUND, 7, 9, 16),  # the first one says its format
     ],
 )
 def test_a_response_that_ends_at_mlen_was_cut(

@@ -83,8 +83,11 @@ end
 
 -- Bytes of the block of a parameter in a response with all values; nil where nobody knows.
 local function block_size(address, block, size_of)
-  local there = block and not block.error and not is_cut(block)
-  if there then return BLOCK_HEADER + #block.raw + #block.raw % 2 end
+  if block and not block.error then -- it may be cut, and says what it has
+    local codec = parameter.codec(block.meaning or block.format)
+    local size = codec and codec.size * block.value_count
+    return size and BLOCK_HEADER + size + size % 2
+  end
   if address.attribute ~= VALUE or size_of(address.pnu) == nil then return nil end
   return least_block(address, size_of)
 end

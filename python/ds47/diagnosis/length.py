@@ -11,6 +11,7 @@ from typing import Any, Final
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Request, decode_request
+from ds47.profidrive.formats import codec
 from ds47.profidrive.model import VALUE, Block
 from ds47.spec import request_ids
 from ds47.spec.layouts import ADDRESS_SIZE, MESSAGE_COUNT, MESSAGE_SIZE, VALUE_SIZE
@@ -184,8 +185,10 @@ def _block_sizes(request: Request, blocks: list[Block], size_of: SizeOf) -> Iter
     """Bytes of the block of each parameter in a response with all values; None where nobody knows."""
     for number, address in enumerate(request.addresses):
         block = blocks[number] if number < len(blocks) else None
-        if block is not None and block.error is None and not _is_cut(block):
-            yield VALUE_SIZE + len(block.raw) + len(block.raw) % 2
+        if block is not None and block.error is None:  # it may be cut, and says what it has
+            found = codec(block.format if block.meaning is None else block.meaning)
+            size = None if found is None else found.size * block.value_count
+            yield None if size is None else VALUE_SIZE + size + size % 2
         elif address.attribute == VALUE and size_of(address.pnu) is not None:
             yield _least_block(address, size_of)
         else:
