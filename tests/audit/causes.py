@@ -439,21 +439,21 @@ def _read_length(case: Case) -> Iterator[str]:
         yield "it does not need more"
         return
     more, whole = case.args.get("more"), case.args.get("whole")
-    lengths = _lengths(deal, case.reading) if deal.asked is not None else [None]
-    true = None if None in lengths else 4 + sum(each or 0 for each in lengths)
+    lengths = _lengths(deal) if deal.asked is not None else [None]
+    failed = any(block.failed for block in deal.answer.blocks)  # what these would have nobody knows
+    true = None if failed or None in lengths else 4 + sum(each or 0 for each in lengths)
     if more not in (None, "mlen_whole") or (more is None) != (whole is None):
         yield f"{more!r} says nothing of {whole!r}"
     elif more is not None and (whole <= need or whole != (true or whole)):
         yield f"with all values it has {true}, not {whole!r}"
 
 
-def _lengths(deal: Deal, reading: Reading) -> list[int | None]:
-    """Bytes of the block of each parameter with all its values; None where no answer of the device shows them."""
+def _lengths(deal: Deal) -> list[int | None]:
+    """Bytes of the block of each parameter with all its values; None where the response does not show them."""
     assert deal.asked is not None
     sizes = {
         address.pnu: block.size
-        for each in reading.deals if each.device == deal.device
-        for address, block in each.pairs() if not block.failed and block.size
+        for address, block in deal.pairs() if not block.failed and block.size
     }  # fmt: skip
     blocks = deal.answer.blocks if deal.answer is not None else []
     found: list[int | None] = []
@@ -521,7 +521,7 @@ def _has_room(case: Case, deal: Deal) -> Iterator[str]:
     limit = case.args.get("limit") or 0
     room = limit if case.args.get("room") == "room_stated" else max(limit, 240)
     yield from case.wrong("most", room)
-    left, lengths = room - 4, _lengths(deal, case.reading)
+    left, lengths = room - 4, _lengths(deal)
     for number, length in enumerate(lengths):
         if length is None:
             return
