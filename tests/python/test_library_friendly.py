@@ -150,12 +150,12 @@ def test_every_format_of_data_has_the_telegram(
     assert set(known.values()) == {1, 352}
 
 
-def said_by(*numbers: tuple[int, ds47.State, int | str]) -> CaptureResult:
+def said_by(*numbers: tuple[int, ds47.State, int | str], family: str = "sinamics") -> CaptureResult:
     """A capture in which drive objects are asked for p0922: drive object, state, value."""
     transactions = [
         transaction(
-            parameters=[ds47.Parameter(922, 0, "value", 0, values=[value])], id=at, axis=axis, state=state,
-            index=0xB02F, device="192.168.0.9",
+            parameters=[ds47.Parameter(922, 0, "value", 0, values=[value], family=family)], id=at, axis=axis,
+            state=state, index=0xB02F, device="192.168.0.9",
         )
         for at, (axis, state, value) in enumerate(numbers, 1)
     ]  # fmt: skip
@@ -172,6 +172,10 @@ def test_what_the_drive_says_of_its_telegram() -> None:
     assert words.en == "DO 3: telegram 102 without PKW; DO 4: telegram 5 without PKW"
     assert words.zh == "DO 3：报文 102，不带 PKW；DO 4：报文 5，不带 PKW"
     assert Telegrams(said_by((3, "ok", 102))).words("192.168.0.8") is None
+    of_others = Telegrams(said_by((3, "ok", 102), (4, "ok", 5), family="profile"))
+    words = of_others.words("192.168.0.9")
+    assert words is not None
+    assert words.en == "DO 3: telegram 102; DO 4: telegram 5 without PKW"
 
 
 def test_the_telegram_stands_with_the_drive(
@@ -198,7 +202,7 @@ def test_the_telegram_stands_with_the_drive(
         ("profibus-wrong-project", "PPO1: PKW"),
         (
             "real-stacks/o1_profinetpy062_be",
-            "DO 1: telegram 352 without PKW; DO 2, slot 2.1: telegram 1 without PKW",
+            "DO 1: telegram 352; DO 2, slot 2.1: telegram 1 without PKW",
         ),
         ("tour-machine", None),
     ],

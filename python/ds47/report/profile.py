@@ -96,13 +96,21 @@ def _date(year: Value, ddmm: Value) -> Both | None:
     return Both.same(f"{year}-{month:02}-{day:02}")
 
 
+def telegram(number: int, family: str | None) -> cyclic.PzdTelegram | None:
+    """A telegram whose words are known; that of a maker only for the `family` of its drives."""
+    known = cyclic.telegrams().get(number)
+    if known is None or not known.is_known or (known.vendor is not None and family not in _SIEMENS):
+        return None
+    return known
+
+
 def _telegram(value: Value, family: str | None) -> Both | None:
-    """The name of a telegram, and its words where they are known; those of a maker on its drives alone."""
+    """The name of a telegram, and its words where they are known."""
     if not _is_number(value) or not 0 < int(value) < 999:
         return None
     shown = say("profile_standard" if int(value) < 100 else "profile_own", n=str(value))
-    known = cyclic.telegrams().get(int(value))
-    if known is None or not known.is_known or (known.vendor is not None and family not in _SIEMENS):
+    known = telegram(int(value), family)
+    if known is None:
         return shown
     words = f"{' '.join(known.out)} / {' '.join(known.inward)}"
     return shown.joined(Both.same(words), ": ", "：")

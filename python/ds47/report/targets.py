@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from ds47.model import DS47, ODD, PKW, PZD, REFUTED, CaptureResult, Transaction
 from ds47.profidrive.drive_objects import (
@@ -19,8 +19,9 @@ from ds47.profidrive.drive_objects import (
     access_of,
 )
 from ds47.report.bilingual import Both, joined, say
+from ds47.report.profile import telegram
 from ds47.report.sentences import slot_number
-from ds47.spec.cyclic import telegrams
+from ds47.spec.cyclic import PzdTelegram, telegrams
 
 ANSWERED = ("ok", "partial", "error")
 """States of a transaction with a response."""
@@ -111,8 +112,8 @@ class Telegrams:
     def __init__(self, result: CaptureResult | None = None, targets: Targets | None = None) -> None:
         told = [] if result is None else list(_told(result.evidence))
         self._targets = targets or Targets(result.evidence if result and told else ())
-        self._said: dict[Identity, tuple[Transaction, int]] = {
-            self._targets.identity(item, _SELECTION): (item, number) for item, number in told
+        self._said: dict[Identity, _Selected] = {
+            self._targets.identity(each.item, _SELECTION): each for each in told
         }
         sure = [
             each
@@ -125,7 +126,7 @@ class Telegrams:
             if each.channel == PZD and len(each.telegrams) == 1
         }
         self._pkw = {(each.device, each.slot) for each in sure if each.channel == PKW}
-        self._slots = {(item.device, item.slot) for item, _ in told}
+        self._slots = {(each.item.device, each.item.slot) for each in told}
         self._ppos = {
             f"dp{each.address}": f"PPO{each.ppo}"
             for each in (result.bus.stations if result and result.bus else ())
@@ -143,8 +144,8 @@ class Telegrams:
     def transaction(self, item: Transaction) -> None:
         """Takes one more transaction."""
         self._targets.transaction(item)
-        for _, number in _told((item,)):
-            self._said[self._targets.identity(item, _SELECTION)] = item, number
+        for each in _told((item,)):
+            self._said[self._targets.identity(item, _SELECTION)] = each
 
     @property
     def says(self) -> bool:
@@ -156,7 +157,7 @@ class Telegrams:
         if self._said:
             said = self._said.get(self._targets.identity(item, _SELECTION))
             if said is not None:
-                return said[1]
+                return said.number
         return self._lengths.get((item.device, item.slot))
 
     def words(self, ip: str) -> Both | None:
@@ -164,19 +165,23 @@ class Telegrams:
 
         Where no telegram is known, whether there is PKW: `PPO2: PKW`. None where nothing tells it.
         """
-        places: dict[tuple[str, int], list[str]] = {}
-        for identity, (item, number) in self._said.items():
+        places: dict[tuple[str, int, PzdTelegram | None], list[str]] = {}
+        for identity, each in self._said.items():
             if identity.device == ip:
-                reached = self._targets.drive_object(item)
-                where = slot(item) if reached is None else f"DO {reached}"
-                places.setdefault(("drive_telegram", number), []).append(where)
+                reached = self._targets.drive_object(each.item)
+                where = slot(each.item) if reached is None else f"DO {reached}"
+                row = telegram(each.number, each.family)
+                places.setdefault(("drive_telegram", each.number, row), []).append(where)
         for key in {*self._lengths, *self._pkw} - self._slots:
             device, place = key
             if device == ip:
                 where = self._ppos.get(ip, "") if place is None else f"slot {place}"
                 known = self._lengths.get(key)
                 kind = "drive_only_pkw" if known is None else "drive_lengths"
-                places.setdefault((kind, known or 0), []).append(where)
+                row = telegrams().get(
+                    known or 0
+                )  # it is of this maker, or the lengths would not fit
+                places.setdefault((kind, known or 0, row), []).append(where)
         found = [_named(*which, where) for which, where in places.items()]
         found.sort(key=lambda each: (len(each[0]), each))
         return joined([words for _, words in found], "; ", "；") if found else None
@@ -204,19 +209,26 @@ class Following:
             item.telegram = self._known.of(item)
 
 
-def _named(key: str, number: int, places: list[str]) -> tuple[str, Both]:
-    """Which drive objects have a telegram, and that with them; whether it has PKW where that is known."""
-    known = telegrams().get(number)
+def _named(key: str, number: int, row: PzdTelegram | None, places: list[str]) -> tuple[str, Both]:
+    """Which drive objects have a telegram, and that with them; whether it has PKW, if there is a `row` of it."""
     pkw = Both.same("")
-    if known is not None and known.is_known:
-        pkw = say("drive_pkw" if known.pkw else "drive_no_pkw")
+    if row is not None:
+        pkw = say("drive_pkw" if row.pkw else "drive_no_pkw")
     words = say(key, number=str(number), pkw=pkw)
     where = ", ".join(sorted(filter(None, set(places)), key=lambda each: (len(each), each)))
     return where, words if not where else say("drive_place", where=where, words=words)
 
 
-def _told(transactions: Iterable[Transaction]) -> Iterator[tuple[Transaction, int]]:
-    """Transactions that say the telegram, and which."""
+class _Selected(NamedTuple):
+    """A transaction that says the telegram, which, and whose parameters the drive has."""
+
+    item: Transaction
+    number: int
+    family: str | None
+
+
+def _told(transactions: Iterable[Transaction]) -> Iterator[_Selected]:
+    """Transactions that say the telegram."""
     for item in transactions:
         if item.state not in ("ok", "partial") or item.operation not in ("read", "change"):
             continue
@@ -225,4 +237,4 @@ def _told(transactions: Iterable[Transaction]) -> Iterator[tuple[Transaction, in
                 continue
             number = each.values[0] if each.values else None
             if isinstance(number, int | float) and number % 1 == 0 and 0 < number <= 999:
-                yield item, int(number)
+                yield _Selected(item, int(number), each.family)
