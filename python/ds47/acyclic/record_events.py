@@ -167,9 +167,10 @@ class RecordEvents:
         elif half.cut and half.cut_before_status:
             self._pairing.read_cut_before_status(record)
         else:
-            spot = record.channel[1], record.channel[3:6]
-            if record.index in ALWAYS and half.data and not self._index47.drives.get(spot):
-                self._index47.responded(*spot, half.data, self._codec)
+            if record.index in ALWAYS and half.data:
+                spot = record.channel[1], record.channel[3:6]
+                if not self._index47.drives.get(spot):
+                    self._index47.responded(*spot, half.data, self._codec)
             self._pairing.read_response(record)
 
     def _write_failed(self, record: Record, half: Half) -> None:
