@@ -52,12 +52,7 @@ def parse(table: Any) -> Settings:
     """
     from ds47.cyclic import named  # most folders have no settings
 
-    if not isinstance(table, dict):
-        raise ValueError("cyclic: write it as a table, [cyclic]")
-    unknown = set(table) - {"channels", "pkw_layout", "ppo"}
-    if unknown:
-        known = "channels, pkw_layout, ppo"
-        raise ValueError(f"[cyclic]: unknown key {min(unknown)!r}; known are {known}")
+    table = _checked(table, "cyclic", "channels", "pkw_layout", "ppo")
     try:
         names = tuple(map(named.parse, _texts(table, "channels")))
         named.pairs(names)
@@ -76,13 +71,7 @@ def parse_s7(table: Any) -> Choices:
     Raises:
         ValueError: the key and what is allowed.
     """
-    if not isinstance(table, dict):
-        raise ValueError("s7: write it as a table, [s7]")
-    unknown = set(table) - {"ports", "cpu", "block", "readback"}
-    if unknown:
-        raise ValueError(
-            f"[s7]: unknown key {min(unknown)!r}; known are ports, cpu, block, readback"
-        )
+    table = _checked(table, "s7", "ports", "cpu", "block", "readback")
     ports, readback = table.get("ports", []), table.get("readback", False)
     if not isinstance(ports, list) or not all(type(each) is int for each in ports):
         raise ValueError("[s7] ports: write a list of numbers")
@@ -101,24 +90,15 @@ def parse_names(table: Any) -> int | None:
     Raises:
         ValueError: the key and what is allowed.
     """
-    if not isinstance(table, dict):
-        raise ValueError("names: write it as a table, [names]")
-    unknown = set(table) - {"vendor"}
-    if unknown:
-        raise ValueError(f"[names]: unknown key {min(unknown)!r}; known is vendor")
-    vendor = table.get("vendor")
+    vendor = _checked(table, "names", "vendor").get("vendor")
     if vendor is None or (isinstance(vendor, int) and not isinstance(vendor, bool)):
         return vendor
-    from ds47.spec.maker_names import UnclearNameError, find  # few settings name one
+    from ds47.spec import maker_names  # few settings name one
 
     try:
-        found = find(str(vendor))
-    except UnclearNameError as problem:
-        near = f"; did you mean {', '.join(problem.near)}?" if problem.near else ""
-        raise ValueError(f"[names] vendor: no maker {vendor!r}{near}") from None
-    if found.id is None:
-        raise ValueError(f"[names] vendor: no source gives the id of {found.name}")
-    return found.id
+        return maker_names.number(str(vendor))
+    except ValueError as problem:
+        raise ValueError(f"[names] vendor: {problem}") from None
 
 
 def parse_expect(table: Any) -> str | None:
@@ -127,15 +107,24 @@ def parse_expect(table: Any) -> str | None:
     Raises:
         ValueError: the key and what is allowed.
     """
-    if not isinstance(table, dict):
-        raise ValueError("expect: write it as a table, [expect]")
-    unknown = set(table) - {"file"}
-    if unknown:
-        raise ValueError(f"[expect]: unknown key {min(unknown)!r}; known is file")
-    name = table.get("file")
+    name = _checked(table, "expect", "file").get("file")
     if table and not (isinstance(name, str) and name):
         raise ValueError('[expect] file: write the name of a list, such as "golden.toml"')
     return name
+
+
+def _checked(table: Any, name: str, *known: str) -> dict[str, Any]:
+    """A table of the file that has no other keys.
+
+    Raises:
+        ValueError: the key and what is allowed.
+    """
+    if not isinstance(table, dict):
+        raise ValueError(f"{name}: write it as a table, [{name}]")
+    unknown, are = set(table) - set(known), "is" if len(known) == 1 else "are"
+    if unknown:
+        raise ValueError(f"[{name}]: unknown key {min(unknown)!r}; known {are} {', '.join(known)}")
+    return table
 
 
 def _texts(table: dict[str, Any], key: str, name: str = "cyclic") -> Sequence[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeVar
@@ -102,7 +102,7 @@ def vendor_number(text: str) -> int:
         click.BadParameter: it is neither.
     """
     from ds47.parameters.lists import LARGEST_ID
-    from ds47.spec.maker_names import UnclearNameError, find
+    from ds47.spec import maker_names
 
     try:
         number = int(text, 0)
@@ -111,24 +111,9 @@ def vendor_number(text: str) -> int:
     if number is not None and 0 <= number <= LARGEST_ID:
         return number
     try:
-        vendor = find(text)
-    except UnclearNameError as problem:
-        raise click.BadParameter(no_vendor(text, problem.near), param_hint="--vendor") from problem
-    if vendor.id is None:
-        raise click.BadParameter(
-            f"no source gives the vendor id of {vendor.name}", param_hint="--vendor"
-        )
-    return vendor.id
-
-
-def no_vendor(text: str, near: Sequence[str]) -> str:
-    """What is said of a name that no maker has, or that several have."""
-    from ds47.spec import vendors
-
-    said = f"no vendor {text!r}: a PROFINET vendor id, or the name of a maker"
-    if near:
-        return f"{said}; did you mean {', '.join(near)}?"
-    return f"{said}; those with tables of their own: {', '.join(each.name for each in vendors())}"
+        return maker_names.number(text)
+    except ValueError as problem:
+        raise click.BadParameter(str(problem), param_hint="--vendor") from problem
 
 
 def codec_options(

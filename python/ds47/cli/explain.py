@@ -196,7 +196,6 @@ def _plain(meaning: CodeMeaning) -> dict[str, Any]:
 
 
 def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
-    from ds47.cli.common import no_vendor
     from ds47.explain import UnknownFormError, explain, find_vendor
     from ds47.spec import explanations
     from ds47.spec.maker_names import UnclearNameError
@@ -204,7 +203,7 @@ def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
     try:
         maker = None if vendor is None else find_vendor(vendor)
     except UnclearNameError as problem:
-        raise click.UsageError(no_vendor(problem.text, problem.near)) from problem
+        raise click.UsageError(str(problem)) from problem
     try:
         return explain(text, lang, maker)
     except UnknownFormError as problem:

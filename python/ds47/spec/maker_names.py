@@ -26,8 +26,16 @@ class UnclearNameError(ValueError):
     """No maker has this name, or several do: `near` are the names that may be meant."""
 
     def __init__(self, text: str, near: list[str]) -> None:
-        super().__init__(text)
+        super().__init__(text, near)
         self.text, self.near = text, near
+
+    def __str__(self) -> str:
+        """What a person is told."""
+        said = f"no vendor {self.text!r}: a PROFINET vendor id, or the name of a maker"
+        if self.near:
+            return f"{said}; did you mean {', '.join(self.near)}?"
+        own = ", ".join(each.name for each in vendors())
+        return f"{said}; those with tables of their own: {own}"
 
 
 @cache
@@ -61,3 +69,15 @@ def find(text: str) -> Named:
     parts.sort(key=lambda name: (not name.startswith(wanted), name))
     near = parts or difflib.get_close_matches(wanted, known, cutoff=LIKE)
     raise UnclearNameError(text, list(dict.fromkeys(known[name].name for name in near))[:MOST_NEAR])
+
+
+def number(text: str) -> int:
+    """The PROFINET vendor id of the maker that `find` finds.
+
+    Raises:
+        ValueError: that says what is wrong, or that no source has its id.
+    """
+    found = find(text)
+    if found.id is None:
+        raise ValueError(f"no source gives the vendor id of {found.name}")
+    return found.id
