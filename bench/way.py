@@ -42,7 +42,7 @@ class Way:
         path, code = frame.f_code.co_filename, frame.f_code
         if event != "call":
             return
-        if code.co_name == "note":
+        if code.co_name == "from_frame":
             self._now = Counter()
         if self._now is None:
             return

@@ -25,15 +25,25 @@ from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, CaptureError, Frame, Series, open_capture, sha256
 from ds47.capture.scan import Watch
 from ds47.diagnosis import Diagnoses
-from ds47.findings.collection import Findings
-from ds47.findings.grouping import OF_THE_RECORDING
+from ds47.findings.collection import Findings, rules_of_others
 from ds47.findings.remark import AnyJob, Remark
-from ds47.findings.times import FrameTimes
-from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Relation, Transaction
+from ds47.findings.times import NO_CLOCK, FrameTimes
+from ds47.model import (
+    CHANNELS,
+    DS47,
+    PKW,
+    PZD,
+    S7,
+    CaptureResult,
+    Finding,
+    Relation,
+    Transaction,
+    worst,
+)  # fmt: skip
 from ds47.profibus import LINK_TYPES
 from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
-from ds47.profidrive.drive_objects import DriveObjects
+from ds47.profidrive.drive_objects import LOCAL, DriveObjects
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.completeness import Completeness, Missing
 from ds47.profinet.ip import Reassembler
@@ -43,7 +53,7 @@ from ds47.profinet.rpc import GivenUp, from_frame, parse
 from ds47.profinet.stations import Stations as Names
 from ds47.s7.choices import Choices
 from ds47.s7.late import LateCommunication
-from ds47.spec import rules, s7
+from ds47.spec import s7
 from ds47.spec.semantics import limits
 from ds47.spec.statuses import status_hex
 
@@ -167,18 +177,6 @@ class _Over:
     over: bool = True
 
 
-_RULES = {PKW: ("DS50", "DS51"), PZD: ("DS52", "DS53"), S7: ("DS9",)}
-"""The prefixes of the rules about a channel; most other rules are about record calls."""
-
-
-def rules_of_others(channels: Sequence[str]) -> tuple[str, ...]:
-    """The prefixes of the rules that are about none of these channels."""
-    left = [each for channel, ids in _RULES.items() if channel not in channels for each in ids]
-    if DS47 not in channels:
-        left += [each for each in rules() if each[2] in "12347" and each != OF_THE_RECORDING]
-    return tuple(left)
-
-
 def _names(lists: Sequence[ParameterList]) -> Callable[..., object] | None:
     """What gives a transaction the names from lists; None without lists, so that most captures import nothing."""
     if not lists:
@@ -282,6 +280,8 @@ class Analysis:
         """S7 servers that were not known as drives yet when one of their jobs was over."""
         self._ended: Counter[tuple[str, str]] = Counter()
         """How many transactions ended, by state and operation."""
+        self._worst = -1
+        """The worst severity of a finding that was handed out with its transaction."""
         self._objects = DriveObjects()
         self._capture: Capture | Series | None = None
         self._untimed = False
@@ -332,6 +332,7 @@ class Analysis:
             findings=self._findings.result(self._transactions),
             diagnoses=self._findings.diagnoses(),
             summary=summarise(self._ended),
+            worst=self._worst,
             relations=self._relations(),
             timelines=[] if self._cyclic is None else self._channels().timelines(),
             bus=None if self._lines is None else self._lines.result(capture.timed),
@@ -353,12 +354,16 @@ class Analysis:
         return [each.result() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
-        note, other, handlers = self._times.note, self._other, self._records.handlers
+        times, other, handlers = self._times, self._other, self._records.handlers
         for frame in frames:
             on_bus = frame.link_type in LINK_TYPES
             self._untimed = on_bus and not frames.timed
             if not self._untimed:
-                note(frame.number, frame.time_ns)
+                times.newest = frame
+                if times.room:
+                    times.room, now = times.room - 1, frame.time_ns
+                    times.seen.append(frame.number)
+                    times.seen.append(now if -NO_CLOCK < now < NO_CLOCK else NO_CLOCK)
             if on_bus:
                 if self._lines is None:
                     self._lines = self._made_lines()
@@ -666,12 +671,19 @@ class Analysis:
     def _hand_out(
         self, order: int, transaction: Transaction, remarks: list[Remark], to: OnTransaction
     ) -> None:
-        transaction.id, transaction.drive_object = order, self._objects.reached(transaction)
+        objects, transaction.id = self._objects, order
+        index, axis = transaction.index, transaction.axis or None
+        if index is None or index == LOCAL or (transaction.device, axis) in objects.missing:
+            axis = objects.reached(transaction)
+        transaction.drive_object = axis
+        if objects.telegrams:
+            transaction.telegram = objects.telegram(transaction)
         findings: list[Finding] = []
         if remarks:
             remarks = [remark for remark in remarks if self._findings.wanted(remark.rule)]
             transaction.findings = sorted({remark.rule for remark in remarks})
             findings = [self._findings.reported(remark, order) for remark in remarks]
+            self._worst = max(self._worst, worst(findings))
         to(transaction, findings)
 
     def _nothing_to_read(self, record: Record, missing: Missing | None) -> None:

@@ -6,7 +6,7 @@ Plain values only: no decoding, no pairing and no formatting lives here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Final, Literal, NamedTuple, get_args
@@ -769,6 +769,11 @@ class Expected(Plain):
     """Drives in the list that are not in the capture."""
 
 
+def worst(findings: Iterable[Finding]) -> int:
+    """The severity of the worst of these findings: its index in `SEVERITIES`; -1 for none."""
+    return max((SEVERITIES.index(each.severity) for each in findings), default=-1)
+
+
 @dataclass(slots=True, repr=False, eq=False)
 class CaptureResult(Plain):
     """All that one capture says. `files` only for a series, `relations` only if cyclic frames have channels.
@@ -803,6 +808,8 @@ class CaptureResult(Plain):
     """Those of S7."""
     connections_left_out: int = 0
     """Connections of S7 for which there was no room."""
+    worst: int = -1
+    """The severity of the worst finding that was handed out with its transaction, in `SEVERITIES`; -1 for none."""
     others: dict[str, int] = field(default_factory=dict)
     """The kinds of the first frames, if nothing is PROFINET, PROFIBUS or S7."""
     narrowed: Narrowed | None = None

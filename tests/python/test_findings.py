@@ -6,13 +6,14 @@ import pytest
 from talk import job
 
 from ds47.acyclic.transactions import build
+from ds47.analysis import Analysis, AnalysisOptions
+from ds47.capture import Frame
 from ds47.findings.collection import Findings
 from ds47.findings.remark import Remark
-from ds47.findings.times import FrameTimes
 from ds47.lab import message
 from ds47.report.sentences import renumbered, sentence, words
 from ds47.spec import rules
-from ds47.spec.semantics import reasons
+from ds47.spec.semantics import Limits, limits, reasons
 
 READ = message.read(1, 1, message.address(21))
 
@@ -38,15 +39,17 @@ def test_select_and_ignore(
     assert [finding.rule for finding in findings.result({})] == wanted
 
 
-def test_frames_have_their_times_as_far_as_there_is_room() -> None:
-    times = FrameTimes(3)
-    findings = Findings((), (), times=times)
-    for number, time_ns in ((2, 20), (3, 1 << 70), (5, 50), (6, 60), (9, 90), (12, 1 << 64)):
-        times.note(number, time_ns)
-        findings.add(Remark("DS101", number))
-    told = {each.frame: each.time_ns for each in findings.result({})}
-    assert told == {2: 20, 3: 1 << 70, 5: 50, 6: 60, 9: 90, 12: 1 << 64}
-    assert (times.of(3), times.of(4), times.of(9), FrameTimes(0).of(0)) == (None,) * 4
+def test_frames_have_their_times_as_far_as_there_is_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = Limits(**(limits().columns() | {"frame_times": 3}))
+    monkeypatch.setattr("ds47.analysis.limits", lambda: few)
+    times = ((2, 20), (3, 1 << 70), (5, 50), (6, 60), (9, 90), (12, -(1 << 70)))
+    analysis = Analysis(AnalysisOptions(), None)
+    told = {}
+    for number, time_ns in times:
+        analysis._frames([Frame(number, time_ns, 1, b"", 0)])  # type: ignore[arg-type]
+        told[number] = analysis._times.of(number)
+    assert told == dict(times)
+    assert [analysis._times.of(number) for number in (2, 3, 4, 5, 6)] == [20, None, None, 50, None]
 
 
 def test_order_and_owner() -> None:

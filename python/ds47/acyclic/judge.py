@@ -15,7 +15,7 @@ from ds47.acyclic.pairing import Job
 from ds47.acyclic.readback import ReadBack
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Block, Flaw, Request, Response
-from ds47.profidrive.drive_objects import DO_IDENTIFICATION, DriveObjects
+from ds47.profidrive.drive_objects import DO_IDENTIFICATION, SELECTION, DriveObjects
 from ds47.profidrive.model import VALUE
 from ds47.profidrive.parameter import NOT_SUPPORTED, family_fits
 from ds47.profinet.records import Half, Peer
@@ -132,7 +132,7 @@ class Judge:
         self._limits = limits
         self._slow_ns = slow_ns
         self._written = ReadBack(limits.written_values, unseen)
-        self._written.pnus.update((PNU_ACCESS_IDENTIFICATION, DO_IDENTIFICATION))
+        self._written.pnus.update((PNU_ACCESS_IDENTIFICATION, DO_IDENTIFICATION, SELECTION))
         self.shown = Shown()
         self._longest: OrderedDict[str, int] = OrderedDict()
         """Device -> its r0974[0], bytes of a message."""

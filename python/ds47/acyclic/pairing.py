@@ -8,7 +8,7 @@ list (`Outcome`), and the caller processes that list.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final, Literal, NamedTuple, TypeVar
@@ -44,6 +44,8 @@ class Moment(NamedTuple):
 
 
 _NEVER: Final = Moment(0, 0)
+_UNSURE: Final = 2**63
+"""A frame that no capture has."""
 _FORGOTTEN: Final = Record(False, False, NIL_UUID, NO_API, 0, 0, 0, 0)
 _ENDS: Final = {"end": "ends", "expired": "unseen", "later": "later", "unseen": "unseen"}
 """Why a request is over without its response -> the key of what the capture lacks."""
@@ -331,6 +333,9 @@ class Pairing:
         self._missing_after: Callable[..., Missing | None] = (
             completeness.missing_after if completeness is not None else lambda *_, **__: None
         )
+        self._sure: Mapping[tuple[str, str], int] = (
+            completeness.sure if completeness is not None else {}
+        )
         self._outcomes = outcomes
         self._table = phases()
         self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
@@ -367,7 +372,9 @@ class Pairing:
         if asked.cut and message.request_id is None:
             job.cut_frame = asked.frame
         before = job.previous = channel.written_frame
-        missing = None if before is None else self._missing_after(record.peer, before)
+        missing = None
+        if before is not None and before < self._sure.get(record.peer[:2], _UNSURE):
+            missing = self._missing_after(record.peer, before)
         if missing is None or missing.what == "one_direction":
             job.previous_reference = channel.reference
         if before is None:
@@ -678,7 +685,11 @@ class Pairing:
         """What may be missing of the requests on a channel after a frame; 0: from before the capture."""
         if channel.unseen_frame > since:
             return Missing("requests")
-        return self._missing_after(peer, since, ordered=ordered) if since else Missing("begins")
+        if not since:
+            return Missing("begins")
+        if since >= self._sure.get(peer[:2], _UNSURE):
+            return None
+        return self._missing_after(peer, since, ordered=ordered)
 
     def _nothing(self, record: Record, channel: Channel, missing: Missing | None) -> None:
         """A Read that brought nothing, while no request is known to be open."""

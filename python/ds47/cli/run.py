@@ -19,7 +19,7 @@ from ds47.capture import CaptureError
 from ds47.capture.names import about
 from ds47.cli.common import counted
 from ds47.cli.series import missing_files
-from ds47.model import SEVERITIES, CaptureResult, Finding, Transaction
+from ds47.model import CaptureResult, Finding, worst
 from ds47.report import Writer, write_one
 
 if TYPE_CHECKING:
@@ -95,19 +95,14 @@ class Run:
     def _tell(self, task: Task, analyze: Analyzer) -> None:
         """Analyses a capture and hands what it says to the writer."""
         writer = self._writer
-
-        def finished(transaction: Transaction, findings: Sequence[Finding]) -> None:
-            if findings:
-                self._note(findings)
-            writer.transaction(task.path, transaction, findings)
-
+        finished = partial(writer.transaction, task.path)
         collect()
         try:
             result = analyze(task, finished if self.streams else None)
         except CaptureError as problem:
             self._unreadable(task, problem)
             return
-        result.path = task.path
+        result.path, self.worst = task.path, max(self.worst, result.worst)
         self._whole(task.path, result.complete, result.problem)
         self._gaps(result)
         if not result.summary["transactions"]:
@@ -211,8 +206,7 @@ class Run:
             self._progress.warn(text)
 
     def _note(self, findings: Sequence[Finding]) -> None:
-        for finding in findings:
-            self.worst = max(self.worst, SEVERITIES.index(finding.severity))
+        self.worst = max(self.worst, worst(findings))
 
     @contextmanager
     def _interruptible(self, total: int) -> Iterator[None]:

@@ -6,16 +6,28 @@ worded here either: that is `ds47.report.sentences`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from ds47.findings.grouping import Grouping, cause
+from ds47.findings.grouping import OF_THE_RECORDING, Grouping, cause
 from ds47.findings.remark import Remark
 from ds47.findings.times import FrameTimes
-from ds47.model import DIAGNOSIS, Diagnosis, Finding, Transaction
+from ds47.model import DIAGNOSIS, DS47, PKW, PZD, S7, Diagnosis, Finding, Transaction
 from ds47.spec import Rule, rules
 
 NOTE: Final = "note"
+
+
+_RULES = {PKW: ("DS50", "DS51"), PZD: ("DS52", "DS53"), S7: ("DS9",)}
+"""The prefixes of the rules about a channel; most other rules are about record calls."""
+
+
+def rules_of_others(channels: Sequence[str]) -> tuple[str, ...]:
+    """The prefixes of the rules that are about none of these channels."""
+    left = [each for channel, ids in _RULES.items() if channel not in channels for each in ids]
+    if DS47 not in channels:
+        left += [each for each in rules() if each[2] in "12347" and each != OF_THE_RECORDING]
+    return tuple(left)
 
 
 class Findings:

@@ -1,4 +1,4 @@
-"""The times of frames: of the newest one, and of as many before it as there is room for.
+"""The times of frames: of the newest one, and of the first ones, as many as there is room for.
 
 A finding is often reported long after its frame, so the times of frames are kept, but not their contents.
 """
@@ -7,33 +7,33 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from ds47.capture import Frame
+
+NO_CLOCK: Final = 2**63 - 1
+"""Nanoseconds that no clock shows: a time beyond is a number in a broken file."""
 
 
 class FrameTimes:
-    """Times of frames by their numbers, of the first `most` that were noted: 16 bytes a frame."""
+    """Times of frames by their numbers, of the first `room` frames: 16 bytes a frame.
 
-    def __init__(self, most: int) -> None:
-        self._room = most
-        self._newest = 0
-        self._newest_ns: int | None = None
-        self._numbers, self._times = array("q"), array("q")
+    Who reads the frames adds to it, because a call for each of them would be dear: the number of a frame and its
+    time go to `seen` as long as there is `room`; numbers grow.
+    """
 
-    def note(self, number: int, time_ns: int) -> None:
-        """Takes the next frame; numbers grow."""
-        self._newest, self._newest_ns = number, time_ns
-        if self._room:
-            try:
-                self._times.append(time_ns)
-            except OverflowError:  # no clock runs so long
-                return
-            self._numbers.append(number)
-            self._room -= 1
+    def __init__(self, room: int) -> None:
+        self.room = room
+        self.seen = array("q")
+        self.newest: Frame | None = None
 
     def of(self, number: int) -> int | None:
         """Nanoseconds since 1970; None where it is not known."""
-        if number == self._newest:
-            return self._newest_ns
-        at = bisect_left(self._numbers, number)
-        if at < len(self._numbers) and self._numbers[at] == number:
-            return self._times[at]
+        if self.newest is not None and number == self.newest.number:
+            return self.newest.time_ns
+        seen = self.seen
+        at = 2 * bisect_left(range(len(seen) // 2), number, key=lambda place: seen[2 * place])
+        if at < len(seen) and seen[at] == number and abs(seen[at + 1]) < NO_CLOCK:
+            return seen[at + 1]
         return None

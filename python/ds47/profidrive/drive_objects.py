@@ -12,7 +12,7 @@ from collections import OrderedDict
 from collections.abc import Iterable
 from typing import Final, NamedTuple, TypeVar
 
-from ds47.model import Transaction
+from ds47.model import Parameter, Transaction
 from ds47.spec.semantics import known
 
 LOCAL: Final = 0xB02E
@@ -20,6 +20,8 @@ LOCAL: Final = 0xB02E
 DO_IDENTIFICATION: Final = 975
 """PNU of the DO identification; element 7 is the DO-ID (docs/protocol.md D.1)."""
 _DO_ID: Final = 7
+SELECTION: Final = 922
+"""PNU that says the telegram of a drive object; 999 is free configuration."""
 _MOST: Final = 0xFFFF
 """The largest DO-ID."""
 
@@ -70,8 +72,10 @@ class DriveObjects:
         """DO-ID of a submodule, from PNU 975; None if two reads differ."""
         self._distinguishing: OrderedDict[str, None] = OrderedDict()
         """Devices that have refused an axis number, and so use the axis byte."""
-        self._missing: OrderedDict[tuple[str, int], None] = OrderedDict()
+        self.missing: OrderedDict[tuple[str, int], None] = OrderedDict()
         """Device and an axis number that does not exist there."""
+        self.telegrams: OrderedDict[Identity, int] = OrderedDict()
+        """The number of the telegram (p0922) that a drive object has said last."""
 
     @classmethod
     def of(cls, transactions: Iterable[Transaction]) -> DriveObjects:
@@ -94,6 +98,8 @@ class DriveObjects:
                 first = each.subindex if each.attribute == "value" else None
                 if first is not None:
                     self.identified(access_of(item), first, each.values)
+            elif each.pnu == SELECTION and (number := telegram_said(item, each)):
+                put(self.telegrams, self.identity(access_of(item), SELECTION), number)
 
     def refused(self, access: DriveAccess, code: int | None) -> None:
         """A parameter got a negative response with this error number."""
@@ -101,7 +107,7 @@ class DriveObjects:
             return
         put(self._distinguishing, access.device, None)
         if access.axis is not None:
-            put(self._missing, (access.device, access.axis), None)
+            put(self.missing, (access.device, access.axis), None)
 
     def identified(self, access: DriveAccess, first: int, values: Iterable[object]) -> None:
         """PNU 975 was read, from element `first` on."""
@@ -135,11 +141,17 @@ class DriveObjects:
         device, number = item.device, item.axis or None
         if item.index is None or item.index == LOCAL:
             number = self._submodules.get((device, item.slot, item.subslot))
-        return number if number is not None and (device, number) not in self._missing else None
+        return number if number is not None and (device, number) not in self.missing else None
+
+    def telegram(self, item: Transaction) -> int | None:
+        """The telegram that the drive object has said before which is reached; None for none."""
+        if not self.telegrams:
+            return None
+        return self.telegrams.get(self.identity(access_of(item), SELECTION))
 
     def exists(self, device: str, number: int) -> bool:
         """False if the device has said that there is no such drive object."""
-        return (device, number) not in self._missing
+        return (device, number) not in self.missing
 
     def looks_at_axis(self, device: str) -> bool:
         """Whether the device has refused an axis number, and so uses the axis byte."""
@@ -176,6 +188,18 @@ class DriveObjects:
         if pnu in known().global_pnus or mine is None or theirs is None or mine == theirs:
             return False
         return (one.local and other.local) or one.device in self._distinguishing
+
+
+def telegram_said(item: Transaction, parameter: Parameter) -> int | None:
+    """The number of the telegram, if a parameter of a transaction says it: p0922, read or changed."""
+    if item.state not in ("ok", "partial") or item.operation not in ("read", "change"):
+        return None
+    if parameter.pnu != SELECTION or parameter.error is not None or parameter.attribute != "value":
+        return None
+    number = parameter.values[0] if parameter.values else None
+    if isinstance(number, int | float) and number % 1 == 0 and 0 < number <= 999:
+        return int(number)
+    return None
 
 
 def access_of(item: Transaction) -> DriveAccess:

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Callable, Sequence
 from datetime import date, timedelta
 from functools import cache
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from ds47 import spec
 from ds47.profidrive.model import Value
@@ -40,6 +40,8 @@ class Codec(NamedTuple):
     encode: Callable[[Sequence[Value]], bytes]
     scale: Callable[[Sequence[Value], bytes], list[Value]] | None = None
     whole: bool = False
+    unpack: Callable[[bytes], tuple[Any, ...]] | None = None
+    """`decode` of one value, if that is all there is to do."""
 
 
 @cache
@@ -115,7 +117,7 @@ def _number(row: spec.Format, size: int) -> Codec:
     high = low + (1 << 8 * size) - 1
 
     def decode(raw: bytes, count: int) -> list[Value]:
-        numbers = one.unpack(raw) if count == 1 else struct.unpack(f">{count}{letter}", raw)
+        numbers = struct.unpack(f">{count}{letter}", raw)
         return [number_value(n) for n in numbers] if size == 8 else list(numbers)
 
     def encode(values: Sequence[Value]) -> bytes:
@@ -126,7 +128,7 @@ def _number(row: spec.Format, size: int) -> Codec:
         return b"".join(one.pack(number) for number in numbers)
 
     if row.divide is None:
-        return Codec(size, decode, encode)
+        return Codec(size, decode, encode, unpack=one.unpack if size < 8 else None)
     multiply, divide = row.multiply or 1, row.divide
 
     def scale(values: Sequence[Value], _raw: bytes) -> list[Value]:

@@ -294,8 +294,11 @@ def _sound_blocks(data: bytes, count: int, options: Options, vendor: bool) -> li
             if end > size:
                 return None
             raw = data[at + 2 : end]
-            values = found.decode(raw, values_in)
-            scaled = found.scale(values, raw) if found.scale else None
+            if values_in == 1 and found.unpack is not None:
+                values, scaled = list(found.unpack(raw)), None
+            else:
+                values = found.decode(raw, values_in)
+                scaled = found.scale(values, raw) if found.scale else None
             block = Block(code, values_in, values, scaled, None, raw, at, b"", meaning)
             if len(raw) & 1:
                 if end == size or data[end]:

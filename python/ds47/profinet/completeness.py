@@ -81,7 +81,7 @@ class Numbers:
 
     __slots__ = (
         "ahead", "anew", "answered", "below", "following", "highest", "holes", "lowest", "newest",
-        "under", "waited",
+        "sure", "under", "waited",
     )  # fmt: skip
 
     def __init__(self, pdu: Pdu) -> None:
@@ -102,6 +102,8 @@ class Numbers:
         """Missing numbers below the first one seen: they may be from before the capture."""
         self.under = -1
         """The newest number seen below the first one."""
+        self.sure: dict[tuple[str, str], int] = {}
+        """`Completeness.sure`, which no longer holds once a number is missing."""
 
     def add(self, pdu: Pdu, *, renewed: bool = False) -> None:
         """One more number, of a request, or of a response without its request.
@@ -109,6 +111,7 @@ class Numbers:
         `renewed`: if the number was there before, this is another call.
         """
         number = pdu.seq
+        self.sure.clear()
         if number > self.highest:
             if number > self.highest + 1:
                 _put(self.holes, Hole(self.newest.frame, pdu.frame, self.highest + 1, number - 1))
@@ -227,6 +230,13 @@ class Pair:
         """A Write went to an unknown place."""
         _keep(self.unasked, frame)
 
+    def sure_since(self) -> int:
+        """A frame behind which nothing is missing, once the server was heard."""
+        gaps = [each.holes[-1].before for each in self.activities if each.holes] + self.unasked[-1:]
+        if gaps or self.lost or self.unread:
+            gaps.append(self.since)
+        return max([self.disorder + 1, *gaps, *(each.anew for each in self.activities)])
+
     @property
     def newest(self) -> int:
         """The newest frame at a possible gap; 0 for none."""
@@ -254,12 +264,14 @@ class Completeness:
         self._pairs: OrderedDict[tuple[str, str], Pair] = OrderedDict()
         self.late = self.first_late = 0
         """How many responses come before their requests, and the frame of the first one."""
+        self.sure: dict[tuple[str, str], int] = {}
+        """Client and server -> a frame behind which nothing is missing; forgotten once anything is."""
 
     # What is heard
 
     def began(self, pdu: Pdu, numbers: Numbers) -> None:
         """The first call of an activity to a server."""
-        pair = self._pair(pdu.client, pdu.server)
+        pair, numbers.sure = self._pair(pdu.client, pdu.server), self.sure
         if numbers not in pair.activities:
             pair.activities.append(numbers)
             pair.since = pdu.frame
@@ -311,6 +323,8 @@ class Completeness:
             pair.has_half(request.frame)
 
     def _pair(self, client: str, server: str) -> Pair:
+        """The pair, about to learn what is missing."""
+        self.sure.clear()
         pair = self._pairs.get((client, server))
         if pair is None:
             pair = self._pairs[client, server] = Pair()
@@ -352,7 +366,10 @@ class Completeness:
             return Missing("renewed")
         if not (pair.heard or pair.hears):
             return Missing("one_direction")
-        return Missing("halves") if across and (pair.lost or pair.unread) else None
+        if across and (pair.lost or pair.unread):
+            return Missing("halves")
+        self.sure[peer[:2]] = pair.sure_since()
+        return None
 
     def waits(self, client: str, server: str) -> bool:
         """Whether a client usually waits for each response, on a wire that doubles them.

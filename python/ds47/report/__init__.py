@@ -17,7 +17,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Any, ClassVar, Final, NamedTuple, Protocol, TextIO, cast
 
-from ds47.model import CaptureResult, Finding, Report, Transaction
+from ds47.model import CaptureResult, Finding, Report, Transaction, worst
 from ds47.report.heading import Heading
 from ds47.report.reference import Reference
 from ds47.report.zones import UNIVERSAL, Zone
@@ -186,12 +186,13 @@ def handed_out(
 ) -> CaptureResult:
     """Gives the transactions away in the order in which they ended, as an analysis does; returns the rest."""
     about: dict[int | None, list[Finding]] = {}
+    bad = worst(each for each in result.findings if each.transaction is not None)
     for finding in result.findings:
         about.setdefault(finding.transaction, []).append(finding)
     for transaction in sorted(result.transactions, key=lambda t: max(t.frames.all(), default=0)):
         take(transaction, about.pop(transaction.id, []))
     rest = [finding for findings in about.values() for finding in findings]
-    return replace(result, transactions=[], findings=rest)
+    return replace(result, transactions=[], findings=rest, worst=bad)
 
 
 def is_text(format_name: str | None) -> bool:

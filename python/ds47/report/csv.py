@@ -23,7 +23,7 @@ from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction, V
 from ds47.report import ReportOptions, contract, is_text, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import escape
-from ds47.report.targets import Following, Telegrams
+from ds47.report.targets import Telegrams
 from ds47.report.values import about, of_kind
 
 TRANSACTION_COLUMNS = tuple(each.name for each in contract.TRANSACTION_COLUMNS)
@@ -80,14 +80,12 @@ class Writer(Table):
 
     def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
-        self._telegrams = Following()
 
     def whole(self, result: CaptureResult) -> None:
         Telegrams.tell(result)
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         lang = self.options.lang
-        self._telegrams.tell(path, transaction)
         left = f"{_guarded(path)},{_left()(transaction, lang)}"
         for parameter, right in contract.rows(transaction):
             told = _EMPTY if parameter is None else _parameter(parameter, lang)

@@ -9,12 +9,12 @@ contract.py; what they mean is in `ds47.model` and in schema/report-2.schema.jso
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache, partial
 from itertools import islice, repeat
 from json import JSONEncoder
 from json.encoder import encode_basestring as _quoted
-from typing import Any, Final, TextIO
+from typing import Any, ClassVar, Final, TextIO
 
 from ds47.model import (
     CaptureResult,
@@ -29,6 +29,7 @@ from ds47.model import (
 from ds47.report import SCHEMA, ReportOptions, contract, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import values as meanings
+from ds47.report.bilingual import Both
 from ds47.report.targets import Telegrams
 from ds47.report.values import about
 from ds47.spec.units import milliseconds as milliseconds
@@ -129,8 +130,10 @@ def _parameters(items: list[Parameter], lang: str) -> str:
             scaled = list_text(item.scaled)
         if item.error is not None:
             error = _writer(contract.ERROR)(item.error, lang)
-        if (may_mean or item.value_texts) and (meant := meanings.meaning(item)) is not None:
-            tail = f', "meaning": {_quoted(meant.text(lang))}}}'
+        if item.value_texts:
+            tail = _tail(meanings.meaning(item), lang)
+        elif may_mean and item.error is None:
+            tail = _usual_tail(about(item), lang, *item.values)
         texts.append(f'{head}, "values": {values}, "scaled": {scaled}, "error": {error}{tail}')
     return f"[{', '.join(texts)}]"
 
@@ -149,6 +152,17 @@ def _parameter_head(known: tuple[Any, ...], value_count: int | None, lang: str) 
     for key in ("values", "scaled", "error"):
         del head[key]
     return text(head)[:-1], meanings.may_mean(known)
+
+
+def _tail(meant: Both | None, lang: str) -> str:
+    """The end of a parameter, with what its values mean."""
+    return "}" if meant is None else f', "meaning": {_quoted(meant.text(lang))}}}'
+
+
+@lru_cache(maxsize=4096, typed=True)
+def _usual_tail(known: tuple[Any, ...], lang: str, *values: Value) -> str:
+    """The same if the tables alone decide. Typed, because 1 and 1.0 are equal."""
+    return _tail(meanings.meaning(meanings.of_kind(known, values=list(values))), lang)
 
 
 def list_text(values: list[Value]) -> str:
@@ -245,6 +259,33 @@ class Writer(_Writer):
         if not self._begun:
             self._begin()
         self.stream.write("]}\n")
+
+
+class LineWriter(_Writer):
+    """Writes the lines of `ds47.report.ndjson` as things are finished."""
+
+    streams: ClassVar[bool] = True
+
+    def whole(self, result: CaptureResult) -> None:
+        Telegrams.tell(result)
+
+    def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
+        lang = self.options.lang
+        line = _writer(contract.TRANSACTION, transaction.channel)(transaction, lang)
+        about = text([finding(each, lang) for each in findings]) if findings else "[]"
+        self.stream.write(
+            f'{{"path": {_path(path)}, "transaction": {line}, "findings": {about}}}\n'
+        )
+
+    def capture(self, result: CaptureResult) -> None:
+        whole = capture(result, self.options.lang)
+        del whole["transactions"]
+        self.stream.write(text({"path": result.path, "capture": whole}) + "\n")
+
+
+@lru_cache(maxsize=16)
+def _path(path: str) -> str:
+    return text(path)
 
 
 def text(item: object) -> str:

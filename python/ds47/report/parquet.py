@@ -21,7 +21,7 @@ from ds47 import spec
 from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction, Value
 from ds47.report import CannotWriteError, ReportOptions, contract, schema, write_all
 from ds47.report import Writer as _Writer
-from ds47.report.targets import Following, Telegrams
+from ds47.report.targets import Telegrams
 from ds47.spec.extras import install
 from ds47.version import __version__
 
@@ -62,7 +62,6 @@ class Writer(_Writer):
             ) from problem
         stream.flush()
         self._columns = Columns(self.options.lang)
-        self._telegrams = Following()
         schema = self._columns.schema
         self._file = parquet.ParquetWriter(
             arrow.PythonFile(_Sink(stream.buffer), "w"),
@@ -76,7 +75,6 @@ class Writer(_Writer):
         Telegrams.tell(result)
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
-        self._telegrams.tell(path, transaction)
         self._columns.add(path, transaction)
         if self._columns.packed >= ROWS_PER_GROUP:
             self._group()

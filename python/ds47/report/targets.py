@@ -12,11 +12,12 @@ from typing import Final, NamedTuple
 
 from ds47.model import DS47, ODD, PKW, PZD, REFUTED, CaptureResult, Transaction
 from ds47.profidrive.drive_objects import (
-    DO_IDENTIFICATION,
     LOCAL,
+    SELECTION,
     DriveObjects,
     Identity,
     access_of,
+    telegram_said,
 )
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.profile import telegram
@@ -29,9 +30,6 @@ ANSWERED = ("ok", "partial", "error")
 
 _Way = tuple[str, int | None, int | None, int | None, int | None, int | None]
 _WAYS: Final = 4096
-_SELECTION: Final = 922
-"""The parameter that says the telegram of a drive object; 999 is free configuration."""
-_TELLING: Final = (_SELECTION, DO_IDENTIFICATION)
 _LOCAL: Final = (LOCAL, None)
 """Record indices of requests that reach the drive object of their submodule; PKW has none."""
 
@@ -106,14 +104,13 @@ class Telegrams:
     """The PROFIdrive telegrams of one capture.
 
     The drive itself says them in p0922. Where nobody asks for that, the lengths of cyclic data may leave only one.
-    Without a result nothing is known yet, and `transaction` brings it.
     """
 
     def __init__(self, result: CaptureResult | None = None, targets: Targets | None = None) -> None:
         told = [] if result is None else list(_told(result.evidence))
         self._targets = targets or Targets(result.evidence if result and told else ())
         self._said: dict[Identity, _Selected] = {
-            self._targets.identity(each.item, _SELECTION): each for each in told
+            self._targets.identity(each.item, SELECTION): each for each in told
         }
         sure = [
             each
@@ -141,12 +138,6 @@ class Telegrams:
             for each in result.transactions:
                 each.telegram = known.of(each)
 
-    def transaction(self, item: Transaction) -> None:
-        """Takes one more transaction."""
-        self._targets.transaction(item)
-        for each in _told((item,)):
-            self._said[self._targets.identity(item, _SELECTION)] = each
-
     @property
     def says(self) -> bool:
         """Whether a drive says the telegram of any drive object."""
@@ -155,7 +146,7 @@ class Telegrams:
     def of(self, item: Transaction) -> int | None:
         """The telegram of the drive object that a transaction reaches; None if unknown."""
         if self._said:
-            said = self._said.get(self._targets.identity(item, _SELECTION))
+            said = self._said.get(self._targets.identity(item, SELECTION))
             if said is not None:
                 return said.number
         return self._lengths.get((item.device, item.slot))
@@ -187,28 +178,6 @@ class Telegrams:
         return joined([words for _, words in found], "; ", "；") if found else None
 
 
-class Following:
-    """The telegrams of captures of which each transaction is written when it is over, by what came before."""
-
-    def __init__(self) -> None:
-        self._path = ""
-        self._known = Telegrams()
-        self._tells = False
-        """Whether anything came that says a telegram."""
-
-    def tell(self, path: str, item: Transaction) -> None:
-        """Gives a transaction its telegram, if nobody did."""
-        if path != self._path:
-            self._path, self._known, self._tells = path, Telegrams(), False
-        for each in item.parameters:
-            if each.error is not None or each.pnu in _TELLING:
-                self._known.transaction(item)
-                self._tells = self._known.says
-                break
-        if self._tells and item.telegram is None:
-            item.telegram = self._known.of(item)
-
-
 def _named(key: str, number: int, row: PzdTelegram | None, places: list[str]) -> tuple[str, Both]:
     """Which drive objects have a telegram, and that with them; whether it has PKW, if there is a `row` of it."""
     pkw = Both.same("")
@@ -230,11 +199,6 @@ class _Selected(NamedTuple):
 def _told(transactions: Iterable[Transaction]) -> Iterator[_Selected]:
     """Transactions that say the telegram."""
     for item in transactions:
-        if item.state not in ("ok", "partial") or item.operation not in ("read", "change"):
-            continue
         for each in item.parameters:
-            if each.pnu != _SELECTION or each.error is not None or each.attribute != "value":
-                continue
-            number = each.values[0] if each.values else None
-            if isinstance(number, int | float) and number % 1 == 0 and 0 < number <= 999:
-                yield _Selected(item, int(number), each.family)
+            if number := telegram_said(item, each):
+                yield _Selected(item, number, each.family)

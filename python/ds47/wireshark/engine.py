@@ -21,13 +21,13 @@ from typing import Any, BinaryIO, Literal
 
 from ds47 import spec
 from ds47.acyclic.transactions import summarise
-from ds47.analysis import AnalysisOptions, OnTransaction, rules_of_others
+from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.analysis import analyze as analyze_natively
 from ds47.capture import Capture, CaptureError, Frame, sha256
 from ds47.capture.scan import IPV4, TCP, network_layer
 from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
-from ds47.findings.collection import Findings
+from ds47.findings.collection import Findings, rules_of_others
 from ds47.findings.times import FrameTimes
 from ds47.model import (
     PZD,
@@ -334,8 +334,9 @@ class _Extract(Capture):
             self.misfit = frame.number
         self._writer.write(time, bytes(frame.data), frame.original_length, interface=interface)
         self.numbers.append(frame.number)
-        if frame.link_type not in LINK_TYPES or self.timed:
-            self.times.note(frame.number, frame.time_ns)
+        if (frame.link_type not in LINK_TYPES or self.timed) and self.times.room:
+            self.times.room -= 1
+            self.times.seen.extend((frame.number, frame.time_ns))
 
     def close(self) -> None:
         """Close both files."""
