@@ -156,10 +156,10 @@ def _told(
     result = analysis.run(capture)
     alone = isinstance(capture, Capture) and Path(capture.path).is_file()
     if alone and result.frames and analysis.lacks_connect:
-        from ds47.cyclic.senders import senders
+        from ds47.cyclic.senders import RT_MARK, senders
 
         with suppress(CaptureError), open_capture(capture.path) as again:
-            result.senders = senders(again.everything())
+            result.senders = [] if again.lacks(RT_MARK) else senders(again.everything())
         if result.nothing:
             from ds47.capture.kinds import kinds
 

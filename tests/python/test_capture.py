@@ -41,6 +41,19 @@ def test_gzip_and_zstd_are_recognised_by_content() -> None:
     assert numbers(PLAIN) == numbers(gzip.compress(PLAIN)) == numbers(zstd(PLAIN)) == [2, 4]
 
 
+def test_a_short_capture_knows_what_none_of_its_frames_has() -> None:
+    mark, without = make.RT[12:14], make.pcap([make.DNS, make.call()])
+    for data, lacks in ((PLAIN, False), (without, True), (gzip.compress(without), True)):
+        with open_capture(io.BytesIO(data)) as capture:
+            assert capture.lacks(mark) is lacks
+            assert len(list(capture)) == (1 if lacks else 2)  # nothing of it is lost
+    long = make.pcap([make.DNS] * (1 + (1 << 20) // len(make.DNS)))
+    with open_capture(io.BytesIO(long)) as capture:
+        assert not capture.lacks(mark)
+    with open_capture(io.BytesIO(b"0000  00 01 02 03 04 05 06 07 08 09 0a 0b 88 92 00\n")) as dump:
+        assert not dump.lacks(mark)
+
+
 def test_compressed_data_in_several_members_and_zero_padding() -> None:
     for pack in (gzip.compress, zstd):
         assert numbers(pack(PLAIN[:90]) + pack(PLAIN[90:])) == [2, 4]

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from .hex_dump import HexDumpReader
 
 
+_SHORT = 1 << 20
+"""Bytes of a capture that is searched as a whole."""
+
+
 class Capture(Closing):
     """An opened capture: a context manager, and an iterable of the frames that may matter.
 
@@ -40,7 +44,7 @@ class Capture(Closing):
         self.path = stream.name
         self._stream = stream
         self._ended = False
-        window = Window(stream)
+        self._window = window = Window(stream)
         window.more(0, 4)
         head = bytes(window.view[: min(4, window.end)])
         self._reader: pcap.PcapReader | pcapng.PcapngReader | HexDumpReader | BusLogReader
@@ -70,6 +74,16 @@ class Capture(Closing):
     def tcp(self, ports: Iterable[int]) -> None:
         """From the next frame on, frames of exactly these TCP ports matter too."""
         self._reader.tcp(ports)
+
+    def lacks(self, mark: bytes) -> bool:
+        """Whether these bytes stand nowhere in a short binary capture. Ask before anything of it is read.
+
+        So nobody has to walk over all its frames for something that none of them has.
+        """
+        if not isinstance(self._reader, pcap.PcapReader | pcapng.PcapngReader):
+            return False
+        window = self._window
+        return not window.more(0, _SHORT) and window.data.find(mark, 0, window.end) < 0
 
     def everything(self, wanted: Callable[[int], bool] = lambda _: True) -> Iterator[WholeFrame]:
         """Every frame as it is in the file, or the `wanted` ones by number; use this instead of iterating."""

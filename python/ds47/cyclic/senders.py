@@ -16,6 +16,8 @@ from ds47.model import Sender
 
 FRAMES: Final = 2000
 """So many frames are looked at."""
+RT_MARK: Final = PROFINET.to_bytes(2, "big")
+"""The bytes that each cyclic frame has somewhere."""
 _MOST = 64
 _FIRST, _LAST = 0x0100, 0xFBFF
 """Frame ids of cyclic frames."""
