@@ -17,6 +17,8 @@ from uuid import UUID
 import frames as make
 import jsonschema
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ds47 import analysis, report
 from ds47.acyclic.pairing import Pairing
@@ -29,6 +31,7 @@ from ds47.profidrive import decode_request
 from ds47.profinet import ip, rpc
 from ds47.profinet.link import Packet
 from ds47.profinet.records import Half, Peer, Record
+from ds47.report.escaping import visible
 from ds47.spec.semantics import limits
 from ds47.spec.units import uuid_text
 
@@ -746,9 +749,21 @@ def test_the_text_report_cannot_be_told_what_to_do(bidi):
     assert all(line.isprintable() for line in text.split("\n"))
     assert text.count("\n") == document([plain], "text").count("\n")
     assert "\\x1b" in text
-    VALIDATOR.validate(json.loads(document([result], "json")))
-    for line in document([result], "ndjson").split("\n")[:-1]:
-        json.loads(line)
+    whole = json.loads(document([result], "json"))
+    VALIDATOR.validate(whole)
+    assert whole["captures"][0]["devices"][0]["station"] == result.devices[0].station
+    for format_name in ("json", "ndjson", "csv"):
+        lines = document([result], format_name).split("\n")
+        assert all(line.removesuffix("\r").isprintable() for line in lines), format_name
+        if format_name == "ndjson":
+            assert all(map(json.loads, lines[:-1]))
+
+
+@given(st.text())
+def test_json_in_which_nothing_is_invisible_says_the_same(text):
+    document = visible(json.dumps({"text": text}, ensure_ascii=False))
+    assert document.isprintable()
+    assert json.loads(document) == {"text": text}
 
 
 def test_a_problem_on_stderr_is_one_plain_line(tmp_path, capsys):

@@ -352,6 +352,7 @@ def test_a_report_that_is_given_up_leaves_no_file(arrow, tmp_path, capsys):
         ("\x1b]0;x\x07", "\\x1b]0;x\\x07"),
         ("a\x00b\x7fc\x9b\u202ed", "a\\x00b\\x7fc\\x9b\\u202ed"),
         ("a=b 名", "a=b 名"),
+        ("a;=cmd|calc;b; @x", "a;'=cmd|calc;b;' @x"),
         ("", ""),
         ("  ", "  "),
     ],

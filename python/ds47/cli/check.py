@@ -27,6 +27,7 @@ from ds47.cli.options import (
 from ds47.cli.series import refuse_urls, series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
+from ds47.report.escaping import visible
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
@@ -287,7 +288,9 @@ def _print_json(outcomes: Sequence[CheckOutcome], summary: bool) -> None:
     }
     if summary:
         document["summary"] = _summary(outcomes).document()
-    stdout().write(json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n")
+    stdout().write(
+        visible(json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)) + "\n"
+    )
 
 
 def _plain(outcome: CheckOutcome, number: int) -> dict[str, Any]:

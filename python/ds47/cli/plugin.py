@@ -14,6 +14,7 @@ import click
 
 from ds47.cli.common import counted, stdout, warn
 from ds47.cli.helping import Gathered
+from ds47.report.escaping import visible
 from ds47.version import __version__
 
 if TYPE_CHECKING:
@@ -233,7 +234,7 @@ def _doctor_json(shark: Wireshark | None, checks: list[Check]) -> str:
         "wireshark": shark and {"program": str(shark.program), "version": shark.version_text},
         "checks": [asdict(check) for check in checks],
     }
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+    return visible(json.dumps(content, indent=2, ensure_ascii=False)) + "\n"
 
 
 def _listed(names: list[str]) -> str:

@@ -18,6 +18,7 @@ from ds47.capture.names import PACKED, SUFFIXES, is_export
 from ds47.capture.rings import common_name, may_be_part
 from ds47.model import CaptureResult
 from ds47.regression.shape import flaw
+from ds47.report.escaping import visible
 from ds47.version import __version__
 
 SCHEMA = "ds47.baseline/1"
@@ -210,7 +211,7 @@ def text(stored: dict[str, Any], capture: str, version: str | None = __version__
 
 def _layout(item: Any, depth: int) -> str:
     """JSON in which what fits on a line stands on one, so that a change is a change of lines."""
-    line = json.dumps(item, ensure_ascii=False, sort_keys=True, allow_nan=False)
+    line = visible(json.dumps(item, ensure_ascii=False, sort_keys=True, allow_nan=False))
     broken = (
         isinstance(item, dict | list) and item and (depth < 2 or len(line) + 2 * depth > _WIDTH)
     )

@@ -15,6 +15,7 @@ from ds47.regression.conclusions import conclusions
 from ds47.regression.difference import Difference
 from ds47.regression.difference_json import document
 from ds47.report.bilingual import Both, say, state
+from ds47.report.escaping import visible
 from ds47.report.formatting import escape
 from ds47.report.wrap import fitted
 
@@ -42,7 +43,8 @@ def write(
     """
     if format_name == "json":
         stream.write(
-            json.dumps(document(found), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+            visible(json.dumps(document(found), ensure_ascii=False, indent=1, allow_nan=False))
+            + "\n"
         )
     elif format_name == "html":
         from ds47.regression.difference_page import page

@@ -199,8 +199,10 @@ def _failure(outcome: CheckOutcome) -> str:
         lines.append(f"  ... and {len(failures) - _SHOWN} more")
     lines += [f"  {line}" for line in _of_versions(outcome)]
     if failures:
+        from ds47.spec.shell import shell_word
+
         option = "--series " if outcome.series else ""
-        lines.append(f"to take this over: ds47 accept {option}{outcome.path}")
+        lines.append(f"to take this over: ds47 accept {option}{shell_word(str(outcome.path))}")
     return "\n".join(lines)
 
 

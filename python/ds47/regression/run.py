@@ -19,6 +19,7 @@ from ds47.model import SEVERITIES, CaptureResult
 from ds47.regression import baseline, config
 from ds47.regression.compare import Change, Comparison, Json
 from ds47.regression.versions import Origin
+from ds47.spec.shell import shell_word
 
 
 @dataclass(slots=True)
@@ -212,7 +213,7 @@ def _stored(task: Task, path: Path) -> baseline.Stored:
     except baseline.NoBaselineError as problem:
         _refuse_a_part(task, baseline.path_of(Path(task.path), common_name(Path(task.path).name)))
         option = "--series " if task.series else ""
-        raise baseline.BaselineError(f"{problem} {option}{task.path}") from problem
+        raise baseline.BaselineError(f"{problem} {option}{shell_word(task.path)}") from problem
     _refuse_a_part(task, path, stored.content)
     return stored
 

@@ -16,12 +16,12 @@ import csv
 import re
 from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
-from json import dumps
 from typing import Any, ClassVar, TextIO
 
 from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction, Value
 from ds47.report import ReportOptions, contract, is_text, json, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.escaping import visible
 from ds47.report.formatting import escape
 from ds47.report.targets import Telegrams
 from ds47.report.values import about, of_kind
@@ -96,8 +96,8 @@ class Writer(Table):
 _EMPTY = "," * (len(PARAMETER_COLUMNS) - 1)
 _NO_S7 = "," * (len(S7_COLUMNS) - 1)
 _quotes = re.compile('[",\r\n]').search
-_FORMULA = "=+-@＝＋－＠"
-"""What a formula begins with, also in full width."""
+_FORMULA = re.compile(r"(?:^|(?<=;))(?=\s*[=+\-@＝＋－＠])")
+"""In front of what a formula begins with, also in full width; at a semicolon some spreadsheets begin a cell."""
 
 
 def guarded(text: str | None) -> str | None:
@@ -107,8 +107,7 @@ def guarded(text: str | None) -> str | None:
     """
     if not text:
         return text
-    shown = escape(text)
-    return "'" + shown if shown.lstrip()[:1] in _FORMULA and not shown.isspace() else shown
+    return _FORMULA.sub("'", escape(text))
 
 
 def _cell(value: Cell) -> str:
@@ -173,7 +172,4 @@ def _values(values: list[Value], format_name: str | None) -> str:
 
 def _array(values: list[Value]) -> str:
     """Several values as JSON; an escape in it is one of JSON."""
-    text = json.list_text(values)
-    if text.isprintable():
-        return text
-    return "".join(each if each.isprintable() else dumps(each)[1:-1] for each in text)
+    return visible(json.list_text(values))

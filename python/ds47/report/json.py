@@ -30,6 +30,7 @@ from ds47.report import SCHEMA, ReportOptions, contract, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import values as meanings
 from ds47.report.bilingual import Both
+from ds47.report.escaping import visible
 from ds47.report.targets import Telegrams
 from ds47.report.values import about
 from ds47.spec.units import milliseconds as milliseconds
@@ -58,7 +59,7 @@ def transaction(item: Transaction, lang: str = "en") -> dict[str, Any]:
 
 def transaction_line(item: Transaction, lang: str = "en") -> str:
     """The same as `text(transaction(item, lang))`, but faster, without dictionaries."""
-    return _writer(contract.TRANSACTION, item.channel)(item, lang)
+    return visible(_writer(contract.TRANSACTION, item.channel)(item, lang))
 
 
 # A writer is made from the keys of a shape: the f-string that one would write by hand, compiled once.
@@ -273,9 +274,8 @@ class LineWriter(_Writer):
         lang = self.options.lang
         line = _writer(contract.TRANSACTION, transaction.channel)(transaction, lang)
         about = text([finding(each, lang) for each in findings]) if findings else "[]"
-        self.stream.write(
-            f'{{"path": {_path(path)}, "transaction": {line}, "findings": {about}}}\n'
-        )
+        whole = f'{{"path": {_path(path)}, "transaction": {line}, "findings": {about}}}\n'
+        self.stream.write(visible(whole))
 
     def capture(self, result: CaptureResult) -> None:
         whole = capture(result, self.options.lang)
@@ -290,7 +290,7 @@ def _path(path: str) -> str:
 
 def text(item: object) -> str:
     """One line of JSON, the same for the same thing; never NaN, which is not JSON."""
-    return _encoder.encode(item)
+    return visible(_encoder.encode(item))
 
 
 def _head() -> dict[str, Any]:

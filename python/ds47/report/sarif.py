@@ -25,6 +25,7 @@ from ds47 import spec
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.report import ReportOptions
 from ds47.report import Writer as _Writer
+from ds47.report.escaping import visible
 from ds47.report.sentences import message
 from ds47.version import __version__
 
@@ -196,7 +197,7 @@ def _message(text: str) -> dict[str, str]:
 
 
 def _text(item: object) -> str:
-    return json.dumps(item, ensure_ascii=False, allow_nan=False)
+    return visible(json.dumps(item, ensure_ascii=False, allow_nan=False))
 
 
 def _uri(path: str) -> str:
