@@ -127,6 +127,5 @@ def causes(diagnoses: Sequence[Diagnosis], most: int) -> Iterator[Diagnosis | Mo
         counts[each.rule] += 1
         if counts[each.rule] <= most:
             yield each
-        rest = of_rule[each.rule][most:]
-        if counts[each.rule] == most and rest:
+        if counts[each.rule] == most and (rest := of_rule[each.rule][most:]):
             yield More(each.rule, len(rest), sum(other.count for other in rest))
