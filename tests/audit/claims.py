@@ -21,7 +21,6 @@ AUDITORS: dict[str, Auditor] = {}
 LIMITS = Path(__file__).parents[2] / "python/ds47/spec/limits.toml"
 NO_CLAIM = {
     "DS601": "compares two engines; its difference is their own text, and both run only with tshark",
-    "DS602": "compares with a list of the user (--expect), which no capture has; test_expected.py has its cases",
 }
 """Rules without an auditor, and why."""
 
