@@ -13,6 +13,7 @@ from ds47 import spec
 from ds47.analysis import analyze
 from ds47.cli import main
 from ds47.cyclic.relations import fitting_telegrams
+from ds47.cyclic.timeline import REVERSE
 from ds47.explain import UnknownFormError, explain
 from ds47.lab import captured
 from ds47.lab.client import Client, drive
@@ -207,6 +208,7 @@ def of_another_maker() -> bytes:
     machine.connect().start()
     machine.drive.fault = 30002
     machine.run(0.5).control(OFF).run(0.2).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.5)
+    machine.control(OFF | 1 << REVERSE).run(0.2).control(OFF).run(0.2)
     return captured(stage)
 
 
@@ -240,6 +242,9 @@ def test_another_makers_drive_has_no_words_of_siemens() -> None:
     assert [(each.telegrams, each.certainty) for each in result.relations] == [([], "seen")]
     (fault,) = [each for each in result.findings if each.rule == "DS520"]
     assert fault.args["code"] is None
+    names = {each.name for each in result.timelines[0].events}
+    assert "fault" in names
+    assert not names & {"reverse", "forward"}  # what its bit 11 does its manual says
 
 
 @pytest.mark.parametrize("lang", ["en", "zh"])

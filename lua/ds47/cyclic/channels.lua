@@ -282,7 +282,8 @@ local function new_drive(self, relation, behind)
   local warning = relations.place_of("WARN_CODE", relation.telegrams)
   local recorder = timeline.new(
     operation.new({device = relation.device, slot = relation.slot}, self.limits),
-    not relations.is_foreign(relation), is_speed(relation.telegrams), warning and place, self.limits.events
+    not relations.is_foreign(relation), is_speed(relation.telegrams), warning and place, self.limits.events,
+    relations.is_of_others(relation)
   )
   local line = {
     relation = relation, owner = self, recorder = recorder, behind = behind,

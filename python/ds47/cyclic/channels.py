@@ -602,7 +602,14 @@ class CyclicChannels:
         where = {"device": relation.device, "slot": relation.slot}
         operation = Operation(where, self._bounds)
         speed = _is_speed(relation.telegrams)
-        recorder = Recorder(operation, not relation.is_foreign, speed, codes, self._bounds.events)
+        recorder = Recorder(
+            operation,
+            not relation.is_foreign,
+            speed,
+            codes,
+            self._bounds.events,
+            relation.is_of_others,
+        )
         drive = DriveWords(relation, recorder, behind)
         self._drives.append(drive)
         self._lines.append(drive)
