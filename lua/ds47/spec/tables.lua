@@ -2461,8 +2461,8 @@ M.profibus.service_ids = {
   [61] = {[62] = "parameters"},
   [62] = {[62] = "configuration"},
 }
-M.profibus.vendors = {[0x80B5] = 0x002A}
-M.profibus.families = {[0x80B5] = "micromaster"}
+M.profibus.vendors = {[0x80B5] = 0x002A, [0x80E5] = 0x002A}
+M.profibus.families = {[0x80B5] = "micromaster", [0x80E5] = "sinamics"}
 M.profibus.ppos = {
   {number = 1, modules = {8, 4}, pkw = true},
   {number = 2, modules = {8, 12}, pkw = true},
