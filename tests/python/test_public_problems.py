@@ -27,6 +27,37 @@ EXPLAINED = (
     ("0x00A00000", "bits (01) go one at a time"),
     ("665420", "wrong rack, slot or TSAP"),
 )
+PASTED = (
+    # node-snap7 76, ioBroker.s7 35
+    (
+        "2020-12-07 08:26:38.935 | warn | (3537) Poll error count: 29 code: 0x2300000 (errCliFunctionRefused)",
+        "PUT and GET are not permitted",
+    ),
+    ("36700160: CLI : function refused by CPU (Unknown error)", "PUT and GET are not permitted"),
+    ("EBRead error (errCliFunctionRefused)", "PUT and GET are not permitted"),
+    # python-snap7 353, 322, 191
+    ("b'CPU : Item not available'", "object is not available"),
+    ("snap7.snap7exceptions.Snap7Exception: b'CPU : Address out of range'", "address out of range"),
+    # python-snap7 60, 247
+    ("DEBUG:snap7.common:error text for 0xa274c", "wrong rack, slot or TSAP"),
+    ("b' ISO : An error occurred during recv TCP : Connection timed out'", "0x000A274C = 665420"),
+    (
+        "b' ISO : An error occurred during send TCP : Other Socket error (32)'",
+        "closed by the other side",
+    ),
+    # p-net 536, 513, 4
+    (
+        "Error class: 0xfd Real-Time Acyclic Protocol Error code: 0x24 Not decoded",
+        "required speed and duplex",
+    ),
+    (
+        "Class=4, pszInfo=**** Station 'rt-labs-dev': CF81FD0B",
+        "an alarm could not be handled",
+    ),
+    # the outputs of a block in one line
+    ("SINA_POS 8600 DiagId 80A0", "SINA_POS DiagId: 0x80A0"),
+    ("fault F07220 and F07900 after a restart", "F07220"),
+)
 DECODED = (
     ("s7 32-03-00-00-00-00-00-02-00-04-00-00-04-01-0A-00-00-00", "0x0A object does not exist"),
     ("s7 32-03-00-00-00-00-00-02-00-04-00-00-04-01-05-00-00-00", "0x05 address out of range"),
@@ -60,6 +91,24 @@ def said(words: str, capsys: pytest.CaptureFixture[str]) -> str:
 @pytest.mark.parametrize(("code", "text"), EXPLAINED)
 def test_what_is_explained(code: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert text in said(f"explain {code}", capsys)
+
+
+@pytest.mark.parametrize(("line", "text"), PASTED)
+@pytest.mark.parametrize("quoted", [True, False])
+def test_what_is_pasted(
+    line: str, text: str, quoted: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A line of a log as it stands, as one argument or as the shell splits it."""
+    assert main(["explain", *([line] if quoted else line.split())]) == 0
+    assert text in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    "line", ["nothing here", "on 20231101 at 12:00:00", "Snap7Exception: unknown", "port 50000"]
+)
+def test_a_line_without_a_code_is_refused(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", line]) == 2
+    assert "unknown code" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("what", "text"), DECODED)
