@@ -78,6 +78,27 @@ DECODED = (
         "pkw '0001 301A 0000 0000'",
         "page 16#1A does not exist",
     ),  # a frame of another layout is told as odd
+    # the example of a manual, and refusals in the words of makers
+    ("pkw --pkw-layout rexroth-efc '0001 301A 0000 0000'", "1 read 2 30 1a parameter 16#30.1A"),
+    ("pkw-answer --pkw-layout rexroth-efc '0001 301A 0000 0032'", "value 50 (16#0032)"),
+    (
+        "pkw-answer --pkw-layout rexroth-efc '0007 301A 0000 0005'",
+        "error 5: Cannot be written while",
+    ),
+    (
+        "pkw-answer --pkw-layout rexroth-fv '7003 1400 0000 0008'",
+        "error 8: not in the table of Bosch Rexroth",
+    ),
+    ("pkw --pkw-layout inovance '20F0 0800 0000 1388'", "2 write 2 08 00 parameter 16#F0.08"),
+    ("pkw-answer --pkw-layout inovance --lang zh '70F0 0800 0000 0002'", "错误 2：地址无效"),
+    (
+        "pkw --pkw-layout inovance -f json '10F0 0800 0000 0000'",
+        '"meaning": "read", "group": 240, "index": 8',
+    ),
+    (
+        "pkw-answer --pkw-layout inovance -f json '70F0 0800 0000 0002'",
+        '"error": {"code": 2, "text": "Invalid address"}',
+    ),
     ("profibus '68 0B 0B 68 82 8A 08 3E 3C 06 05 00 FF 0F 84 2B 16'", "parameterised by no master"),
     ("response 0181000144010000", "the parameter does not exist"),
 )
@@ -109,6 +130,11 @@ def test_what_is_pasted(
 def test_a_line_without_a_code_is_refused(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", line]) == 2
     assert "unknown code" in capsys.readouterr().err
+
+
+def test_a_layout_that_no_maker_has(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["decode", "--as", "pkw", "--pkw-layout", "delta", "0001 301A 0000 0000"]) == 2
+    assert "'rexroth-efc'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("what", "text"), DECODED)

@@ -356,6 +356,7 @@ M.vendors = {
   {name = "ABB", id = 26},
   {name = "Bonfiglioli", id = 523},
   {name = "Danfoss", id = 128},
+  {name = "Inovance", id = 1101, ids = {1625}},
   {name = "KEB", id = 375},
   {name = "Mitsubishi Electric", id = 540, ids = {264}},
   {name = "Bosch Rexroth", id = 259, ids = {287}},
@@ -458,6 +459,8 @@ M.vendors[4].pkw = {
   [0xFE] = {en = "Unknown attribute", zh = "未知属性"},
 }
 M.vendors[5].errors = {
+}
+M.vendors[6].errors = {
   [0x00] = {code = 0, en = "Bad address or password", zh = "地址或口令错误", info = "unknown"},
   [0x03] = {code = 3, en = "Invalid parameter set (the subindex selects sets)", zh = "参数组无效（下标用于选择参数组）", info = "unknown"},
   [0x11] = {code = 17, en = "Timeout or busy", zh = "超时或忙", info = "unknown"},
@@ -470,9 +473,9 @@ M.vendors[5].errors = {
   [0x69] = {code = 105, en = "Parity error", zh = "奇偶校验错误", info = "unknown"},
   [0x6B] = {code = 107, en = "Invalid operation", zh = "操作无效", info = "unknown"},
 }
-M.vendors[6].errors = {
+M.vendors[7].errors = {
 }
-M.vendors[6].pkw = {
+M.vendors[7].pkw = {
   [0x01] = {en = "Request not supported, or a write is still running", zh = "不支持该任务，或写入仍在进行"},
   [0x02] = {en = "Wrong index (IND)", zh = "IND 错误"},
   [0x03] = {en = "Wrong parameter number", zh = "参数号错误"},
@@ -483,22 +486,22 @@ M.vendors[6].pkw = {
   [0x42] = {en = "Wrong instruction code", zh = "指令代码错误"},
   [0x43] = {en = "Value out of range", zh = "数值超出范围"},
 }
-M.vendors[7].errors = {
-}
-M.vendors[7].pkw = {
-  [0xC9] = {en = "Invalid element in the request received last", zh = "最后收到的任务中有无效元素"},
-  [0xCA] = {en = "Internal response ID cannot be mirrored", zh = "无法映射内部应答标识"},
-}
 M.vendors[8].errors = {
 }
 M.vendors[8].pkw = {
+  [0xC9] = {en = "Invalid element in the request received last", zh = "最后收到的任务中有无效元素"},
+  [0xCA] = {en = "Internal response ID cannot be mirrored", zh = "无法映射内部应答标识"},
+}
+M.vendors[9].errors = {
+}
+M.vendors[9].pkw = {
   [0x65] = {en = "Service not supported (a change of a parameter that is read only)", zh = "不支持该服务（修改只读参数）"},
   [0x66] = {en = "Service not valid", zh = "服务无效"},
   [0x68] = {en = "Parameter does not exist", zh = "参数不存在"},
   [0x6A] = {en = "Value out of range", zh = "数值超出范围"},
   [0x6B] = {en = "Not possible in this operating state", zh = "当前运行状态下不能执行"},
 }
-M.vendors[9].errors = {
+M.vendors[10].errors = {
   [0x500] = {code = 1280, en = "Service failed, cause not known", zh = "服务失败，原因不明", info = "unknown"},
   [0x501] = {code = 1281, en = "Service not permitted", zh = "服务不允许", info = "unknown"},
   [0x502] = {code = 1282, en = "No response", zh = "无响应", info = "unknown"},
@@ -548,15 +551,15 @@ M.vendors[9].errors = {
   [0x825] = {code = 2085, en = "Encoder nameplate wrong", zh = "编码器铭牌错误", info = "unknown"},
   [0x829] = {code = 2089, en = "State of the PLC does not allow it", zh = "PLC 状态不允许", info = "unknown"},
 }
-spread(M.vendors[9].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
-M.vendors[10].errors = {
-}
+spread(M.vendors[10].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
 M.vendors[11].errors = {
 }
-M.vendors[11].pkw = {
+M.vendors[12].errors = {
+}
+M.vendors[12].pkw = {
   [0x66] = {en = "Request not supported", zh = "不支持该请求"},
 }
-M.vendors[12].errors = {
+M.vendors[13].errors = {
   [0x03] = {code = 3, en = "Invalid subindex; of PNU 10001: the drive has no parameter with this ID", zh = "错误的下标；对 PNU 10001：驱动器没有此 ID 的参数", info = "unknown"},
   [0x65] = {code = 101, en = "Invalid request reference", zh = "任务引用号无效", info = "unknown"},
   [0x66] = {code = 102, en = "Invalid request ID", zh = "任务标识无效", info = "unknown"},
@@ -2720,6 +2723,7 @@ M.explain.ranges = {
   ABB = {},
   Bonfiglioli = {},
   Danfoss = {},
+  Inovance = {},
   KEB = {},
   ["Mitsubishi Electric"] = {},
   ["Bosch Rexroth"] = {},
