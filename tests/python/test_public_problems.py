@@ -50,9 +50,15 @@ PASTED = (
         "Error class: 0xfd Real-Time Acyclic Protocol Error code: 0x24 Not decoded",
         "required speed and duplex",
     ),
+    ("ABORT err_cls 253  err_code 18", "a partner did not keep to the protocol"),
     (
         "Class=4, pszInfo=**** Station 'rt-labs-dev': CF81FD0B",
         "an alarm could not be handled",
+    ),
+    # python-snap7 844
+    (
+        "S7 protocol error 0x81/0x04 on ALL data access (DB, Merkers, Inputs)",
+        "function is not supported",
     ),
     # the outputs of a block in one line
     ("SINA_POS 8600 DiagId 80A0", "SINA_POS DiagId: 0x80A0"),

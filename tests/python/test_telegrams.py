@@ -32,7 +32,7 @@ PRINTED = {
     750: (3, 1), 900: (2, 2), 901: (3, 5), 902: (3, 6), 903: (3, 5),
 }  # fmt: skip
 """Words out and in, counted in the tables that the sources print."""
-WORDLESS = (110, 118, 125, 126, 136, 138, 139, 146, 148, 166, 220, 371, 393, 394, 395, 999)
+WORDLESS = (89, 110, 118, 125, 126, 136, 138, 139, 146, 148, 166, 220, 371, 393, 394, 395, 999)
 """Telegrams that a source names without their words."""
 CONTROL_UNIT, SPEED = LabModule(3, 1, 4), LabModule(2, 2, 4)
 POSITIONER, LONG = LabModule(2, 2, 10, out=20), LabModule(2, 2, 12)

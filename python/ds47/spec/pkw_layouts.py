@@ -23,7 +23,7 @@ class Part(NamedTuple):
 
 
 class MakerLayout(NamedTuple):
-    """One layout: what is asked or answered, the group of the parameter and its number there; the last word is the value.
+    """One layout: what is asked or answered, group and number of the parameter; the last word is the value.
 
     `requests` and `answers`: what the number of an operation says, as the words of commands.toml name it.
     """
