@@ -21,6 +21,8 @@ EXPLAINED = (
     ("SFC59 80B1", "length"),
     ("s7 0x06", "bits (01) go one at a time"),
     ("CF81FD06", "the start-up did not go on in time"),
+    ("CF81FD1E", "ports are plugged otherwise than the project says"),
+    ("16#40000112", "another subnet than that of the controller"),
     ("F07220", "the bus failed (F01910 or F08501 stands beside it)"),
     ("F0070", "p2040"),
     ("36700160", "PUT and GET are not permitted"),
