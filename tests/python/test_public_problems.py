@@ -19,6 +19,7 @@ EXPLAINED = (
     ("DE80B100", "MLEN does not fit the response"),
     ("DF80B600", "access denied"),
     ("SFC59 80B1", "length"),
+    ("SFC14 8090", "a module of 1, 2 or 4 bytes (PPO3)"),
     ("s7 0x06", "bits (01) go one at a time"),
     ("CF81FD06", "the start-up did not go on in time"),
     ("CF81FD1E", "ports are plugged otherwise than the project says"),
