@@ -8,6 +8,7 @@ local bits = require("ds47.support.bits")
 local cyclic = require("ds47.spec.cyclic")
 local drives = require("ds47_ws.drives")
 local info = require("ds47_ws.info")
+local relations = require("ds47.cyclic.relations")
 local tables = require("ds47.spec.tables")
 local types = require("ds47_ws.types")
 
@@ -17,6 +18,7 @@ local concat, format = table.concat, string.format
 local M = {}
 
 local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint
+local OWN = 11 -- from this bit on both words have what the maker of the drive wants
 
 -- Setpoint as it is effective, or actual value, in percent; nil where it is none, or not valid.
 local function percent(place, raw)
@@ -45,15 +47,21 @@ local function bit_text(name, word, bit, family, lang)
   return row[(value == 1 and "set" or "clear") .. (lang == "zh" and "_zh" or "")] or tostring(value)
 end
 
--- Bits have their words from the field, which knows those of speed telegrams in English.
+-- `1 (see the manual of the drive)`
+local function own_text(word, bit, lang)
+  return format(lang == "zh" and "%d（见驱动器手册）" or "%d (see the manual of the drive)", bit_of(word, bit))
+end
+
+-- Bits have their words from the field, which knows those of speed telegrams of SINAMICS in English.
 local function add_bits(put, parent, name, place, record, lang)
   local family = place.speed == false and "positioning" or nil
-  local rows = tables.fields[name] -- from bit 0 on
+  local rows, is_of_others = tables.fields[name], relations.is_of_others(place.relation) -- from bit 0 on
   for number = 1, #rows do
     local shown, bit = put.take(parent, rows[number][1], record, 0, 2), number - 1
-    if shown and (family or lang == "zh") then
-      shown:set_text(format("%s = %s bit %d: %s", types.picture(place.word, bit, 16), name:upper(), bit,
-        bit_text(name, place.word, bit, family, lang)))
+    local is_own = is_of_others and bit >= OWN
+    if shown and (family or is_own or lang == "zh") then
+      local text = is_own and own_text(place.word, bit, lang) or bit_text(name, place.word, bit, family, lang)
+      shown:set_text(format("%s = %s bit %d: %s", types.picture(place.word, bit, 16), name:upper(), bit, text))
     end
   end
 end

@@ -13,6 +13,7 @@ itself, as `python -m ds47` prints it, and the catalogue's names of arguments. I
     pkw             transactions in cyclic frames, and what findings DS5xx claim
     s7              what findings DS9xx claim; s7_wire reads their frames, s7_moment tries all orders
     causes          what diagnoses DS7xx claim
+    expected        a golden list, recounted, and what findings DS602 claim
     corrected       whether a drive would take a corrected request
     words           whether a sentence says just its arguments
     page            the text report: headlines, counts, filters, sums, lines

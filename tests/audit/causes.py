@@ -845,6 +845,9 @@ def _running(case: Case) -> Iterator[str]:
     yield from _refusal(case)
     code = case.args.get("code")
     siemens = case.deal is not None and case.reading.vendors.get(case.deal.device) == SIEMENS
+    siemens = (
+        siemens or case.args.get("family") == "sinamics"
+    )  # on PROFIBUS the ident number says it
     if code != 0x11 and not (code == 0x6B and siemens):
         yield f"code {code!r} speaks of something else"
     yield from _is_change(case)

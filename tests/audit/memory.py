@@ -138,8 +138,8 @@ class Memory:
         end = deal.read if known and deal.read is not None else deal.write
         for number, address in enumerate(asked.addresses):
             value = asked.blocks[number] if number < len(asked.blocks) else None
-            outcome = _outcome(deal, number) if known else None
-            if outcome is False:
+            done = outcome(deal, number) if known else None
+            if done is False:
                 continue
             if address.pnu in RECOMPUTE:
                 yield Event(None, None, None, None, deal.write, end, deal.device)
@@ -147,7 +147,7 @@ class Memory:
                 continue
             written = list(elements(address, value))
             for element, bits in written:
-                kept = bits if outcome else None
+                kept = bits if done else None
                 yield Event(target, address.pnu, element, kept, deal.write, end, deal.device, bits)
             for element in range(address.subindex, address.subindex + max(1, address.elements)):
                 if element not in dict(written):
@@ -189,7 +189,7 @@ class Memory:
         )  # fmt: skip
 
 
-def _outcome(deal: Deal, number: int) -> bool | None:
+def outcome(deal: Deal, number: int) -> bool | None:
     """Whether a parameter was changed; None where the response does not tell."""
     answer, asked = deal.answer, deal.asked
     assert answer is not None

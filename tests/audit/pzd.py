@@ -130,6 +130,8 @@ def check(reading: Reading) -> Iterator[Complaint]:
     for timeline in reading.plain.get("timelines", ()):
         drive = Drive(reading.plain["relations"][timeline["relation"] - 1], reading)
         left_out = {"first"} if drive.is_speed else {"first", *OF_SPEED}
+        if reading.vendors.get(drive.relation["device"]) not in (None, 0x2A):
+            left_out |= {"reverse", "forward"}  # bit 11 is the maker's
         events = [each for each in timeline["events"] if each["name"] not in left_out]
         said = sorted((each["frame"], each["name"]) for each in events)
         truth = sorted(each for each in _events(drive.looks) if each[1] not in left_out)

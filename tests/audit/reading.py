@@ -437,14 +437,16 @@ def report(paths: list[Path], *options: str) -> str:
     return out.getvalue()
 
 
-def read(path: Path, *, text: bool = True, page: bool = True) -> Reading:
-    """Analyses a capture and reads it; without its text and its page where nobody reads them."""
-    captures = json.loads(report([path], "-f", "json"))["captures"]
+def read(path: Path, *options: str, text: bool = True, page: bool = True) -> Reading:
+    """Analyses a capture, with options of `ds47 report`, and reads it; without its text and its page where nobody
+    reads them.
+    """
+    captures = json.loads(report([path], *options, "-f", "json"))["captures"]
     if not captures:
         raise ValueError(f"{path} is no capture that ds47 can read")
     plain = captures[0]
-    lines = report([path], "--plc") if text else ""
-    html = report([path], "-f", "html") if page else ""
+    lines = report([path], *options, "--plc") if text else ""
+    html = report([path], *options, "-f", "html") if page else ""
     capture = wire.read(path)
     dp.enter(capture)
     return Reading(path.name, plain, capture, lines, html)

@@ -15,6 +15,7 @@ from tests.audit import (
     cyclic,
     deals,
     described,
+    expected,
     html,
     letters,
     meant,
@@ -46,6 +47,7 @@ AUDITORS = {
     "DS515": lambda case: cyclic.of_mixed(case.finding, case.reading),
     "DS514": lambda case: pkw.of_ignored(case.finding, case.reading),
     "DS507": lambda case: pzd.of_word(case.finding, case.reading),
+    "DS602": expected.of,
 }  # fmt: skip
 NO_CLAIM = claims.NO_CLAIM
 

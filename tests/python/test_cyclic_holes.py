@@ -20,6 +20,7 @@ from ds47.lab import captured
 from ds47.lab.client import Client
 from ds47.lab.cyclic_scenes import machine, slow_response
 from ds47.lab.machine import IDLE
+from ds47.lab.master import Master
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult
 from ds47.report.sentences import sentence
@@ -254,6 +255,44 @@ def test_what_was_answered_more_slowly_may_come_later() -> None:
     line = machine(Client(stage), pause=800).start().read(1082, cycles=810)
     line.ask(READ, 700)
     assert "DS514" not in {each.rule for each in analyze(io.BytesIO(captured(stage))).findings}
+
+
+# A master that stops
+
+
+def stopped(*, starts: bool) -> Source:
+    """60 data exchanges, a request of PKW in the last one, nothing for two seconds, and 20 more."""
+    master, idle, pzd = Master(), "00" * 8, "047F1000"
+    master.start(3)
+    for each in [idle] * 59 + ["139A" + "00" * 6]:
+        master.exchange(3, each + pzd, idle + "EB370800")
+        master.wait(10)
+    master.wait(2000)
+    if starts:
+        master.restart(3)
+        master.start(3)
+    for _ in range(20):
+        master.exchange(3, "13AD" + "00" * 6 + pzd, "13AD" + "00" * 6 + "EB370800")
+        master.wait(10)
+    return Source("restarted" if starts else "paused", captured(master.stage), False)
+
+
+@pytest.mark.parametrize(
+    ("starts", "states", "said"),
+    [(True, ["unanswered", "ok"], set()), (False, ["incomplete", "ok"], {"DS110", "DS725"})],
+)
+def test_no_frame_is_missing_before_a_start_up(
+    starts: bool, states: list[str], said: set[str]
+) -> None:
+    """The station is set up anew: the master was off, and what it asked before has no answer."""
+    result = analyze(stopped(starts=starts).open())
+    assert [each.state for each in result.transactions] == states
+    assert {each.rule for each in result.findings} - {"DS810"} == said
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_lua_misses_no_frame_there_either(version: str, tmp_path: Path) -> None:
+    compare(version, "en", [stopped(starts=True), stopped(starts=False)], tmp_path)
 
 
 # What the file says

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
 import pytest
+from tests.audit import expected, reading, run
+from tests.audit.memory import Memory
 
 import ds47
 from ds47.analysis import AnalysisOptions, analyze
@@ -111,6 +114,29 @@ def test_a_list_in_csv(tmp_path, text):
     assert counts == (1, 1, 1)
 
 
+def test_a_list_in_a_workbook(tmp_path):
+    """Numbers, booleans and texts as a spreadsheet has them; the first sheet counts."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (["Drive", "DO", "PNU", "Index", "Value", "Within"], [], ["press-*", 2, "p50304", 0, 58, 1.5],
+                [None, 2, 50303, None, "10,0", None], [None, None, "p1", None, True, None]):  # fmt: skip
+        book.active.append(row)
+    book.create_sheet("other").append(["nothing"])
+    path = tmp_path / "golden.xlsx"
+    book.save(path)
+    assert [each.wanted for each in read(path)] == [
+        Wanted("58 ± 1.5", 56.5, 59.5), Wanted("10,0", 10.0, 10.0), Wanted("True", 1, 1),
+    ]  # fmt: skip
+    result = judged(analyze(TOUR), read(path), AnalysisOptions())
+    (one,) = [each.args for each in result.findings if each.rule == "DS602"]
+    assert (one["pnu"], one["expected"]) == (50304, "58 ± 1.5")
+    assert (result.expected.seen, result.expected.wrong) == (2, 1)
+    book.active["C3"] = "ramp"
+    book.save(path)
+    with pytest.raises(ListError, match=r"golden\.xlsx, line 3: 'ramp' is no parameter"):
+        read(path)
+
+
 def test_the_name_of_the_station_counts_more_than_the_address(tmp_path):
     rows = "device,station,parameter,value\n192.168.133.33,press-2-drive,p50304,59.0\n"
     assert found(tmp_path, rows, "csv") == ([], (0, 0, 0))
@@ -150,7 +176,8 @@ def test_the_name_of_the_station_counts_more_than_the_address(tmp_path):
         ("parameter,do,value\np1,x,1\n", "csv", r"line 2: 'x' is no number of a drive object"),
         ("parameter,value\np1120,1\np1120,2\n", "csv", r"line 3: p1120 is 2, but 1 in line 2\. Try: one"),
         ("parameter,value\n", "csv", r"golden.csv: no parameter has a value in it\. Try: "),
-        ("parameter\n", "xlsx", r"golden.xlsx: no list .* ends in \.xlsx\. Try: \.toml or \.csv"),
+        ("parameter\n", "ods", r"golden.ods: no list .* ends in \.ods\. Try: \.toml, \.csv or \.xlsx"),
+        ("parameter\n", "xlsx", r"golden.xlsx: no workbook of Excel 2007 or later"),
     ],
 )  # fmt: skip
 def test_a_list_that_is_wrong(tmp_path, text, ending, says):
@@ -214,6 +241,38 @@ def test_a_number_in_a_cell(tmp_path, cell, number):
 def test_a_boolean_is_a_number(tmp_path):
     (row,) = read(written(tmp_path, "p1 = true"))
     assert row.wanted == ("1", 1, 1)
+
+
+# Counted once more, from the bytes
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted", "found"),
+    [
+        ("tour-machine", {50303: 10.0, 50304: 59.0, 945: 7900.0}, 4),
+        ("tour-machine", {50303: 10.0, 50304: 60.0}, 0),
+        ("conversation-partial-change", {1120: 5.0, 2900: 1.0}, 1),
+        ("conversation-read-back", {1120: 10.0, 1121: 1.0}, 1),
+        ("cyclic-longer-ramp", {50303: 11.0, 50304: 60.0}, 1),
+        ("profibus-seed-records", {50303: 10.0, 50304: 60.0, 2901: 0.0}, 2),
+    ],
+)
+def test_the_auditor_finds_the_same(name, wanted, found, tmp_path):
+    text = "".join(f"{pnu} = {value}\n" for pnu, value in wanted.items())
+    path = TOUR.with_name(f"{name}.pcapng")
+    item = reading.read(path, "--expect", str(written(tmp_path, text)))
+    findings = [each for each in item.findings if each.rule == "DS602"]
+    assert len(findings) == found
+    assert list(map(str, run.complaints(item))) == []
+    memory = Memory(item)
+    assert list(map(str, expected.check(item, memory, wanted))) == []
+    assert len(list(expected.check(item, memory, {}))) == found
+    for each in findings:
+        for key in ("value", "by", "device", "how", "pnu", "subindex"):
+            changed = replace(
+                each, args={**each.args, key: each.args["value"] if key == "by" else 12345}
+            )
+            assert list(run.of_finding(changed, item, memory)) != [], key
 
 
 # Both ways, and everywhere
@@ -399,6 +458,33 @@ def test_a_check_takes_the_list_of_its_folder(tmp_path, capsys):
     _nearest.cache_clear()  # a command reads it once
     assert main(["check", "--fail-on", "warning", str(tmp_path)]) == 1
     assert "DS602" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "status"), [(["--fail-on", "warning"], 1), ([], 0), (["--fail-on", "never"], 0)]
+)
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_check_with_a_list(options, status, jobs, tmp_path, capsys):
+    """Each capture of a folder against its stored result, and its drives against the list."""
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    for name in ("one.pcapng", "two.pcapng"):
+        (folder / name).write_bytes(TOUR.read_bytes())
+    assert main(["baseline", str(folder)]) == 0
+    right, wrong = (
+        written(folder, f"p50304 = {each}").rename(tmp_path / f"{each}.toml")
+        for each in (60.0, 59.0)
+    )
+    assert (
+        main(["check", "-j", jobs, "--expect", str(right), "--fail-on", "note", str(folder)]) == 0
+    )
+    capsys.readouterr()
+    assert main(["check", "-j", jobs, "--expect", str(wrong), *options, str(folder)]) == status
+    assert (
+        capsys.readouterr().out.count("p50304[0] of 192.168.133.33 DO 2 is 60.0, expected 59.0")
+        == 2
+    )
+    assert main(["check", "--expect", "nowhere.toml", str(folder)]) == 2
 
 
 def test_the_library(worse):

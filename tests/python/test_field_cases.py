@@ -20,7 +20,8 @@ from ds47.analysis import analyze
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
 from ds47.lab import message
-from ds47.lab.client import Client
+from ds47.lab.client import Client, drive
+from ds47.lab.cyclic import INPUT, OUTPUT, PKW, PZD, Cyclic
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult
 from ds47.report.sentences import advice
@@ -175,6 +176,43 @@ def test_the_plugin_says_the_same(
 ) -> None:
     line = f"ds47 report --engine tshark --tshark {shlex.quote(real_tshark())} FILE"
     check(run(line, captures / "field" / name), FILES[name])
+
+
+def refused_by_pkw(folder: Path, vendor_id: int) -> Path:
+    """A change of parameter 35 by PKW is answered with 7023 0000 0000 0068."""
+    client = Client(Stage(), device=drive(vendor_id=vendor_id))
+    line = Cyclic(client, (PKW, PZD), reduction=16)
+    line.connect()
+    for asked, answer in (
+        ("", ""),
+        ("2023000000000005", ""),
+        ("2023000000000005", "7023000000000068"),
+        ("", ""),
+    ):
+        line.say(PKW, OUTPUT, bytes.fromhex(asked.ljust(16, "0")))
+        line.say(PKW, INPUT, bytes.fromhex(answer.ljust(16, "0")))
+        line.cycle()
+        line.cycle()
+    path = folder / f"{vendor_id}.pcapng"
+    path.write_bytes(recorded(client))
+    return path
+
+
+@pytest.mark.parametrize("engine", ["default", "tshark"])
+@pytest.mark.parametrize(
+    ("vendor_id", "wanted"),
+    [
+        (0x002A, Said(("104: Illegal value for this request",))),
+        (0x0493, Said(("104: Manufacturer-specific error 104",), ("Illegal value",))),
+        (0x0002, Said(("104: Parameter does not exist",), ("Illegal value",))),
+    ],
+)
+def test_a_number_of_pkw_is_that_of_the_maker(
+    engine: str, vendor_id: int, wanted: Said, tmp_path: Path, run: Callable[[str, str | Path], str]
+) -> None:
+    path = refused_by_pkw(tmp_path, vendor_id)
+    tshark = f"--engine tshark --tshark {shlex.quote(real_tshark())}" if engine == "tshark" else ""
+    check(run(f"ds47 report {tshark} FILE", path), wanted)
 
 
 # Variations of cases that no other test has

@@ -58,6 +58,18 @@ name = "Acme drop"
 body = "free"
 negative = false
 vendor = true
+
+[[layout]]
+name = "acme-drop"
+operation = [0, 0, 8]
+group = [1, 8, 8]
+index = [1, 0, 8]
+requests = { 5 = "write" }
+answers = { 9 = "failed" }
+[[layout.error]]
+code = 1
+en = "No rope"
+zh = "没有绳子"
 """
 LUA = """
 package.path = arg[1] .. "/?.lua;" .. package.path
@@ -102,6 +114,7 @@ def run(program: Path, *words: str) -> str:
         (("explain", "request 0x60"), "Acme drop"),
         (("decode", "--as", "response", "--vendor", "acme drives", "0181000144010065"), "Anvil on the rope"),
         (("decode", "--as", "request", "01 60 00 00"), "request_id 0x60 Acme drop"),
+        (("decode", "--as", "pkw-answer", "--pkw-layout", "acme-drop", "0009 0102 0000 0001"), "error 1: No rope"),
     ],
 )  # fmt: skip
 def test_to_add_a_maker_is_to_add_a_file(program: Path, words: tuple[str, ...], said: str) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.audit import run
 
 from ds47.analysis import analyze
 from ds47.lab import captured, message
@@ -15,7 +16,7 @@ from ds47.lab.fdl import PARAMETERS
 from ds47.lab.master import READY, SET_PRM, Master, Way
 
 STATION = 3
-MM4, OTHER = "80b5", "4711"
+MM4, SINAMICS, OTHER = "80b5", "80e5", "4711"
 WITHOUT_IDENT = SET_PRM[:8]
 """A Set_Prm that ends before the ident number."""
 SPEC = Path(__file__).parents[2] / "python/ds47/spec"
@@ -54,6 +55,8 @@ def expected(*families: str) -> list[str | None]:
 
 MICROMASTER = expected("profile", "siemens", "micromaster")
 PROFILE = expected("profile")
+REFUSED = {SINAMICS: "Maximum speed", MM4: "Maximum frequency", OTHER: None}
+"""What 1082 is."""
 
 
 def test_the_lists_differ() -> None:
@@ -96,6 +99,17 @@ def lines() -> Iterator[tuple[str, Master, list[list[str | None]]]]:
     for number in range(4):
         asked(both, 1, STATION + number % 2)
     yield "equal requests to two makes", both, [MICROMASTER, PROFILE] * 2
+    for ident in (SINAMICS, MM4, OTHER):
+        yield f"{ident} refuses a change", refused(ident), [[REFUSED[ident]]]
+
+
+def refused(ident: str) -> Master:
+    """A change of parameter 1082 is refused with 0x6B."""
+    master = Master()
+    master.start(STATION, sent(ident))
+    asked = message.change(1, 1, (message.address(1082), message.real(40.0)))
+    master.parameters(Way(STATION), asked, bytes((1, 0x82, 1, 1)) + message.error(0x6B))
+    return master
 
 
 @pytest.mark.parametrize(
@@ -105,3 +119,21 @@ def test_parameters_are_named_by_what_the_frames_say(
     master: Master, found: list[list[str | None]]
 ) -> None:
     assert names(master) == found
+
+
+# What an error number means
+
+
+@pytest.mark.parametrize(
+    ("ident", "said"), [(SINAMICS, ["DS719"]), (MM4, ["DS701"]), (OTHER, ["DS701"])]
+)
+def test_a_drive_that_is_enabled_is_known_as_on_profinet(
+    ident: str, said: list[str], tmp_path: Path
+) -> None:
+    """Of SINAMICS the manual has 0x6B; that of MICROMASTER has no such number."""
+    path = tmp_path / "refused.pcapng"
+    path.write_bytes(captured(refused(ident).stage))
+    found = [each for each in analyze(path).findings if each.rule.startswith("DS7")]
+    assert [each.rule for each in found] == said
+    assert found[0].args["vendor_id"] == (0x2A if ident == SINAMICS else None)
+    assert run.audit(path) == []

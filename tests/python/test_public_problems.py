@@ -19,13 +19,53 @@ EXPLAINED = (
     ("DE80B100", "MLEN does not fit the response"),
     ("DF80B600", "access denied"),
     ("SFC59 80B1", "length"),
+    ("SFC14 8090", "a module of 1, 2 or 4 bytes (PPO3)"),
     ("s7 0x06", "bits (01) go one at a time"),
     ("CF81FD06", "the start-up did not go on in time"),
+    ("CF81FD1E", "ports are plugged otherwise than the project says"),
+    ("16#40000112", "another subnet than that of the controller"),
     ("F07220", "the bus failed (F01910 or F08501 stands beside it)"),
     ("F0070", "p2040"),
     ("36700160", "PUT and GET are not permitted"),
     ("0x00A00000", "bits (01) go one at a time"),
     ("665420", "wrong rack, slot or TSAP"),
+)
+PASTED = (
+    # node-snap7 76, ioBroker.s7 35
+    (
+        "2020-12-07 08:26:38.935 | warn | (3537) Poll error count: 29 code: 0x2300000 (errCliFunctionRefused)",
+        "PUT and GET are not permitted",
+    ),
+    ("36700160: CLI : function refused by CPU (Unknown error)", "PUT and GET are not permitted"),
+    ("EBRead error (errCliFunctionRefused)", "PUT and GET are not permitted"),
+    # python-snap7 353, 322, 191
+    ("b'CPU : Item not available'", "object is not available"),
+    ("snap7.snap7exceptions.Snap7Exception: b'CPU : Address out of range'", "address out of range"),
+    # python-snap7 60, 247
+    ("DEBUG:snap7.common:error text for 0xa274c", "wrong rack, slot or TSAP"),
+    ("b' ISO : An error occurred during recv TCP : Connection timed out'", "0x000A274C = 665420"),
+    (
+        "b' ISO : An error occurred during send TCP : Other Socket error (32)'",
+        "closed by the other side",
+    ),
+    # p-net 536, 513, 4
+    (
+        "Error class: 0xfd Real-Time Acyclic Protocol Error code: 0x24 Not decoded",
+        "required speed and duplex",
+    ),
+    ("ABORT err_cls 253  err_code 18", "a partner did not keep to the protocol"),
+    (
+        "Class=4, pszInfo=**** Station 'rt-labs-dev': CF81FD0B",
+        "an alarm could not be handled",
+    ),
+    # python-snap7 844
+    (
+        "S7 protocol error 0x81/0x04 on ALL data access (DB, Merkers, Inputs)",
+        "function is not supported",
+    ),
+    # the outputs of a block in one line
+    ("SINA_POS 8600 DiagId 80A0", "SINA_POS DiagId: 0x80A0"),
+    ("fault F07220 and F07900 after a restart", "F07220"),
 )
 DECODED = (
     ("s7 32-03-00-00-00-00-00-02-00-04-00-00-04-01-0A-00-00-00", "0x0A object does not exist"),
@@ -47,6 +87,27 @@ DECODED = (
         "pkw '0001 301A 0000 0000'",
         "page 16#1A does not exist",
     ),  # a frame of another layout is told as odd
+    # the example of a manual, and refusals in the words of makers
+    ("pkw --pkw-layout rexroth-efc '0001 301A 0000 0000'", "1 read 2 30 1a parameter 16#30.1A"),
+    ("pkw-answer --pkw-layout rexroth-efc '0001 301A 0000 0032'", "value 50 (16#0032)"),
+    (
+        "pkw-answer --pkw-layout rexroth-efc '0007 301A 0000 0005'",
+        "error 5: Cannot be written while",
+    ),
+    (
+        "pkw-answer --pkw-layout rexroth-fv '7003 1400 0000 0008'",
+        "error 8: not in the table of Bosch Rexroth",
+    ),
+    ("pkw --pkw-layout inovance '20F0 0800 0000 1388'", "2 write 2 08 00 parameter 16#F0.08"),
+    ("pkw-answer --pkw-layout inovance --lang zh '70F0 0800 0000 0002'", "错误 2：地址无效"),
+    (
+        "pkw --pkw-layout inovance -f json '10F0 0800 0000 0000'",
+        '"meaning": "read", "group": 240, "index": 8',
+    ),
+    (
+        "pkw-answer --pkw-layout inovance -f json '70F0 0800 0000 0002'",
+        '"error": {"code": 2, "text": "Invalid address"}',
+    ),
     ("profibus '68 0B 0B 68 82 8A 08 3E 3C 06 05 00 FF 0F 84 2B 16'", "parameterised by no master"),
     ("response 0181000144010000", "the parameter does not exist"),
 )
@@ -60,6 +121,29 @@ def said(words: str, capsys: pytest.CaptureFixture[str]) -> str:
 @pytest.mark.parametrize(("code", "text"), EXPLAINED)
 def test_what_is_explained(code: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert text in said(f"explain {code}", capsys)
+
+
+@pytest.mark.parametrize(("line", "text"), PASTED)
+@pytest.mark.parametrize("quoted", [True, False])
+def test_what_is_pasted(
+    line: str, text: str, quoted: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A line of a log as it stands, as one argument or as the shell splits it."""
+    assert main(["explain", *([line] if quoted else line.split())]) == 0
+    assert text in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    "line", ["nothing here", "on 20231101 at 12:00:00", "Snap7Exception: unknown", "port 50000"]
+)
+def test_a_line_without_a_code_is_refused(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", line]) == 2
+    assert "unknown code" in capsys.readouterr().err
+
+
+def test_a_layout_that_no_maker_has(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["decode", "--as", "pkw", "--pkw-layout", "delta", "0001 301A 0000 0000"]) == 2
+    assert "'rexroth-efc'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("what", "text"), DECODED)

@@ -13,6 +13,7 @@ from ds47 import spec
 from ds47.analysis import analyze
 from ds47.cli import main
 from ds47.cyclic.relations import fitting_telegrams
+from ds47.cyclic.timeline import REVERSE
 from ds47.explain import UnknownFormError, explain
 from ds47.lab import captured
 from ds47.lab.client import Client, drive
@@ -31,7 +32,7 @@ PRINTED = {
     750: (3, 1), 900: (2, 2), 901: (3, 5), 902: (3, 6), 903: (3, 5),
 }  # fmt: skip
 """Words out and in, counted in the tables that the sources print."""
-WORDLESS = (110, 118, 125, 126, 136, 138, 139, 146, 148, 166, 220, 371, 393, 394, 395, 999)
+WORDLESS = (89, 110, 118, 125, 126, 136, 138, 139, 146, 148, 166, 220, 371, 393, 394, 395, 999)
 """Telegrams that a source names without their words."""
 CONTROL_UNIT, SPEED = LabModule(3, 1, 4), LabModule(2, 2, 4)
 POSITIONER, LONG = LabModule(2, 2, 10, out=20), LabModule(2, 2, 12)
@@ -207,6 +208,7 @@ def of_another_maker() -> bytes:
     machine.connect().start()
     machine.drive.fault = 30002
     machine.run(0.5).control(OFF).run(0.2).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.5)
+    machine.control(OFF | 1 << REVERSE).run(0.2).control(OFF).run(0.2)
     return captured(stage)
 
 
@@ -240,6 +242,9 @@ def test_another_makers_drive_has_no_words_of_siemens() -> None:
     assert [(each.telegrams, each.certainty) for each in result.relations] == [([], "seen")]
     (fault,) = [each for each in result.findings if each.rule == "DS520"]
     assert fault.args["code"] is None
+    names = {each.name for each in result.timelines[0].events}
+    assert "fault" in names
+    assert not names & {"reverse", "forward"}  # what its bit 11 does its manual says
 
 
 @pytest.mark.parametrize("lang", ["en", "zh"])

@@ -358,6 +358,28 @@ def test_each_bit_has_its_words(tshark: Tshark) -> None:
             assert told == (bit.said(0xFB37, lang) or str(value))
 
 
+def test_bits_that_a_maker_is_free_to_use_have_no_words_of_siemens(
+    tshark: Tshark, tmp_path: Path
+) -> None:
+    path = scene("fault-of-another-maker", tmp_path)
+    for lang, own in (("en", "1 (see the manual of the drive)"), ("zh", "1（见驱动器手册）")):
+        text = tshark(
+            "-r",
+            path,
+            *COMPLETE,
+            "-Y",
+            "ds47.pzd.zsw1 == 0xfb31",
+            "-o",
+            f"ds47.language:{lang}",
+            "-V",
+        )
+        shown = re.findall(r"^ *[.01 ]{19} = ZSW1 bit (\d+): (.*)$", text, re.MULTILINE)[:16]
+        words = [
+            bit.said(0xFB31, lang) or str(0xFB31 >> bit.bit & 1) for bit in cyclic.bits("zsw1")
+        ]
+        assert shown == [(str(bit), told) for bit, told in enumerate([*words[:11], *[own] * 5])]
+
+
 @pytest.mark.slow
 def test_the_words_of_the_only_telegram(tshark: Tshark, tmp_path: Path) -> None:
     """Telegram 352 has the number of the fault."""

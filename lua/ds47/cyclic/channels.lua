@@ -127,6 +127,9 @@ function Requests:skipped(before, last)
   self.channel:skipped(before.frame, last, before.time - LATE * self.relation.input.cycle_ns)
 end
 
+--- The data exchange stopped: nobody is to blame for what is open.
+function Requests:stopped(moment) self.channel:lost(moment) end
+
 function Requests:lost(sent, moment) self.channel:lost(moment, sent and "out" or "in") end
 
 --- The same line as one that goes on alone, with another relation and owner.
@@ -217,6 +220,9 @@ function Drive:skipped(before)
   if self.start and self.start <= before.time then self.recorder:skipped() end
 end
 
+--- The data exchange stopped: what the drive did until it started again is unknown.
+function Drive:stopped() self.recorder:skipped() end
+
 function Drive:lost(sent, moment) self.recorder:lost(sent, moment.frame, moment.time) end
 
 --- As that of PKW; events are shared, because no frame adds one.
@@ -276,7 +282,8 @@ local function new_drive(self, relation, behind)
   local warning = relations.place_of("WARN_CODE", relation.telegrams)
   local recorder = timeline.new(
     operation.new({device = relation.device, slot = relation.slot}, self.limits),
-    not relations.is_foreign(relation), is_speed(relation.telegrams), warning and place, self.limits.events
+    not relations.is_foreign(relation), is_speed(relation.telegrams), warning and place, self.limits.events,
+    relations.is_of_others(relation)
   )
   local line = {
     relation = relation, owner = self, recorder = recorder, behind = behind,
@@ -440,6 +447,7 @@ local function watch(self)
         rows[key] = rows[key] or {
           period = -1, due = 0, -- of the last look, and the frame with which the next begins
           said = "", count = 0, longest = 0, -- of a station; the longest time between two
+          restarted = false, -- whether the station was set up anew since the newest one
           follows = false, -- whether the frame behind one that says something new is looked at as well
           sequences = {}, -- by receiver
           key = key,
@@ -524,7 +532,10 @@ end
 -- @param output, input  the sources of both sides: there may be no channel any more
 -- @param frame  of the configuration
 function Channels:configured(found, output, input, frame)
-  if is_set_up_so(self, found, output) then return end
+  if is_set_up_so(self, found, output) then
+    if self.stations[output] then self.stations[output].restarted = true end
+    return
+  end
   replace_all(self, output, input, frame, {})
   for _, relation in ipairs(found) do
     if #self.all < self.limits.relations then add(self, relation, false) end
@@ -809,15 +820,22 @@ local function is_news_of_station(row, data)
   return true
 end
 
--- Where the next data of a master comes much later than any before it, exchanges are missing: nobody tells
--- their cycle.
+-- Where the next data of a master comes much later than any before it, exchanges are missing, or there were
+-- none: nobody tells their cycle.
 local function pause(row, number, time)
   local passed = row.newest and time - row.newest.time or 0
   if row.count > HABIT and row.longest > 0 and passed > PAUSE * row.longest then
-    for _, each in ipairs(row) do each.line:skipped(row.newest, number) end
+    for _, each in ipairs(row) do
+      if row.restarted then
+        each.line:stopped({frame = row.newest.frame, time = row.newest.time, cycle = each.looks})
+      else
+        each.line:skipped(row.newest, number)
+      end
+    end
   else
     row.longest = max(row.longest, passed)
   end
+  row.restarted = false
   row.newest = {frame = number, time = time}
 end
 

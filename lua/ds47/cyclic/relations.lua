@@ -173,6 +173,9 @@ end
 --- Whether a relation is of another maker than that whose tables are known, or nothing says whose it is.
 function M.is_foreign(relation) return relation.vendor_id ~= M.SIEMENS end
 
+--- Whether it is known to be of another maker: from bit 11 on its words are not those of the profile.
+function M.is_of_others(relation) return relation.vendor_id ~= nil and M.is_foreign(relation) end
+
 --- Whether a relation is one of PROFIBUS: senders are stations, two bytes with the receiver.
 function M.is_bus(relation) return #relation.output.source == STATIONS end
 

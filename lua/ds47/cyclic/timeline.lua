@@ -32,9 +32,10 @@ local LEGAL = {[1] = true, [3] = true, [7] = true} -- bits 2 to 0 of ZSW1 in the
 local ILLEGAL = {[2] = true, [4] = true, [6] = true} -- no drive without a fault has these
 local COMMANDS, STATES = tables.pzd.stw1_edges, tables.pzd.zsw1_edges
 
-local of_speed = {} -- ids of events that only telegrams with a speed have
+local of_speed, of_reverse = {}, {} -- ids of events that only telegrams with a speed have, and of that bit
 for _, edge in ipairs(COMMANDS) do
   if edge.speed then of_speed[edge.id] = true end
+  if edge.speed and edge.bit == REVERSE then of_reverse[edge.id] = true end
 end
 
 local Recorder = {}
@@ -46,9 +47,10 @@ Recorder.__index = Recorder
 -- @param speed whether the word behind STW1 is a setpoint of speed; nil where the lengths do not tell
 -- @param fault where in the drive's data FAULT_CODE is, nil where the telegram has none
 -- @param most events that are kept
-function M.new(operation, trusted, speed, fault, most)
+-- @param own whether bit 11 of STW1 is one of another maker than Siemens: no direction, as far as anybody knows
+function M.new(operation, trusted, speed, fault, most, own)
   return setmetatable({
-    operation = operation, trusted = trusted, speed = speed, fault = fault, most = most,
+    operation = operation, trusted = trusted, speed = speed, fault = fault, most = most, own = own,
     events = {}, left_out = 0,
     faults = {}, -- {frame, code} at each change of the fault number
     proven = false, -- whether both words were seen as a drive has them that a PLC controls
@@ -241,10 +243,12 @@ function Recorder:finish(configured)
 end
 
 --- Whether an event is told: those of bits that are about a speed only where it is known to be one.
-function Recorder:is_told(event) return self.speed or not of_speed[event.name] end
+function Recorder:is_told(event)
+  return (self.speed or not of_speed[event.name]) and not (self.own and of_reverse[event.name])
+end
 
 function Recorder:told()
-  if self.speed then return self.events end
+  if self.speed and not self.own then return self.events end
   return filtered(self.events, function(event) return self:is_told(event) end)
 end
 

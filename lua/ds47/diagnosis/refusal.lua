@@ -138,13 +138,18 @@ local function by_subindex(refusal, vendor_id)
   return maker and maker.by_subindex and maker.by_subindex[refusal.address.pnu]
 end
 
-local function rule_of(refusal, vendor_id, change)
-  local known, code, siemens = tables.known, refusal.code, vendor_id == SIEMENS
+-- Whose numbers the drive has; on PROFIBUS the family of its parameters says it.
+local function maker_of(peer)
+  return dictionary.family_of(peer.vendor_id, peer.family) == "sinamics" and SIEMENS or peer.vendor_id
+end
+
+local function rule_of(refusal, peer, change)
+  local known, code, siemens = tables.known, refusal.code, maker_of(peer) == SIEMENS
   if code == known.axis_error then return "DS709" end
   if siemens and refusal.value and #refusal.value.values > 0 and is_connector(refusal) then return "DS720" end
   if siemens and known.commissioning[code] then return "DS718" end
   if change and (known.running[code] or siemens and known.running_siemens[code]) then return "DS719" end
-  if known.index_errors[code] and index_and_count(refusal) and not by_subindex(refusal, vendor_id) then
+  if known.index_errors[code] and index_and_count(refusal) and not by_subindex(refusal, peer.vendor_id) then
     return "DS717"
   end
   return nil
@@ -172,7 +177,7 @@ local function args_of(job, rule, refusal)
   local address, value = refusal.address, refusal.value
   local source = source_of(value)
   local facts, args = {
-    axis = job.message.axis, device = job.peer.device, vendor_id = job.peer.vendor_id, code = refusal.code,
+    axis = job.message.axis, device = job.peer.device, vendor_id = maker_of(job.peer), code = refusal.code,
     pnu = address.pnu, subindex = address.subindex, elements = address.element_count,
     format = value and value.format_name, value = value and formats.argument(value.values[1], value),
     source = source, case = source and "source_refused" or "no_source",
@@ -191,7 +196,7 @@ function M.add(remarks, job, refused, suggested)
   if half == nil then return end
   local change = job.message ~= nil and job.message.operation == "change"
   for _, refusal in ipairs(refused) do
-    local rule = rule_of(refusal, job.peer.vendor_id, change)
+    local rule = rule_of(refusal, job.peer, change)
     if rule and not (rule == "DS709" and missing) then
       missing = missing or rule == "DS709"
       local args = args_of(job, rule, refusal)

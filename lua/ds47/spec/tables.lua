@@ -356,6 +356,7 @@ M.vendors = {
   {name = "ABB", id = 26},
   {name = "Bonfiglioli", id = 523},
   {name = "Danfoss", id = 128},
+  {name = "Inovance", id = 1101, ids = {1625}},
   {name = "KEB", id = 375},
   {name = "Mitsubishi Electric", id = 540, ids = {264}},
   {name = "Bosch Rexroth", id = 259, ids = {287}},
@@ -458,6 +459,8 @@ M.vendors[4].pkw = {
   [0xFE] = {en = "Unknown attribute", zh = "未知属性"},
 }
 M.vendors[5].errors = {
+}
+M.vendors[6].errors = {
   [0x00] = {code = 0, en = "Bad address or password", zh = "地址或口令错误", info = "unknown"},
   [0x03] = {code = 3, en = "Invalid parameter set (the subindex selects sets)", zh = "参数组无效（下标用于选择参数组）", info = "unknown"},
   [0x11] = {code = 17, en = "Timeout or busy", zh = "超时或忙", info = "unknown"},
@@ -470,9 +473,9 @@ M.vendors[5].errors = {
   [0x69] = {code = 105, en = "Parity error", zh = "奇偶校验错误", info = "unknown"},
   [0x6B] = {code = 107, en = "Invalid operation", zh = "操作无效", info = "unknown"},
 }
-M.vendors[6].errors = {
+M.vendors[7].errors = {
 }
-M.vendors[6].pkw = {
+M.vendors[7].pkw = {
   [0x01] = {en = "Request not supported, or a write is still running", zh = "不支持该任务，或写入仍在进行"},
   [0x02] = {en = "Wrong index (IND)", zh = "IND 错误"},
   [0x03] = {en = "Wrong parameter number", zh = "参数号错误"},
@@ -483,22 +486,22 @@ M.vendors[6].pkw = {
   [0x42] = {en = "Wrong instruction code", zh = "指令代码错误"},
   [0x43] = {en = "Value out of range", zh = "数值超出范围"},
 }
-M.vendors[7].errors = {
-}
-M.vendors[7].pkw = {
-  [0xC9] = {en = "Invalid element in the request received last", zh = "最后收到的任务中有无效元素"},
-  [0xCA] = {en = "Internal response ID cannot be mirrored", zh = "无法映射内部应答标识"},
-}
 M.vendors[8].errors = {
 }
 M.vendors[8].pkw = {
+  [0xC9] = {en = "Invalid element in the request received last", zh = "最后收到的任务中有无效元素"},
+  [0xCA] = {en = "Internal response ID cannot be mirrored", zh = "无法映射内部应答标识"},
+}
+M.vendors[9].errors = {
+}
+M.vendors[9].pkw = {
   [0x65] = {en = "Service not supported (a change of a parameter that is read only)", zh = "不支持该服务（修改只读参数）"},
   [0x66] = {en = "Service not valid", zh = "服务无效"},
   [0x68] = {en = "Parameter does not exist", zh = "参数不存在"},
   [0x6A] = {en = "Value out of range", zh = "数值超出范围"},
   [0x6B] = {en = "Not possible in this operating state", zh = "当前运行状态下不能执行"},
 }
-M.vendors[9].errors = {
+M.vendors[10].errors = {
   [0x500] = {code = 1280, en = "Service failed, cause not known", zh = "服务失败，原因不明", info = "unknown"},
   [0x501] = {code = 1281, en = "Service not permitted", zh = "服务不允许", info = "unknown"},
   [0x502] = {code = 1282, en = "No response", zh = "无响应", info = "unknown"},
@@ -548,15 +551,15 @@ M.vendors[9].errors = {
   [0x825] = {code = 2085, en = "Encoder nameplate wrong", zh = "编码器铭牌错误", info = "unknown"},
   [0x829] = {code = 2089, en = "State of the PLC does not allow it", zh = "PLC 状态不允许", info = "unknown"},
 }
-spread(M.vendors[9].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
-M.vendors[10].errors = {
-}
+spread(M.vendors[10].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
 M.vendors[11].errors = {
 }
-M.vendors[11].pkw = {
+M.vendors[12].errors = {
+}
+M.vendors[12].pkw = {
   [0x66] = {en = "Request not supported", zh = "不支持该请求"},
 }
-M.vendors[12].errors = {
+M.vendors[13].errors = {
   [0x03] = {code = 3, en = "Invalid subindex; of PNU 10001: the drive has no parameter with this ID", zh = "错误的下标；对 PNU 10001：驱动器没有此 ID 的参数", info = "unknown"},
   [0x65] = {code = 101, en = "Invalid request reference", zh = "任务引用号无效", info = "unknown"},
   [0x66] = {code = 102, en = "Invalid request ID", zh = "任务标识无效", info = "unknown"},
@@ -2461,8 +2464,8 @@ M.profibus.service_ids = {
   [61] = {[62] = "parameters"},
   [62] = {[62] = "configuration"},
 }
-M.profibus.vendors = {[0x80B5] = 0x002A}
-M.profibus.families = {[0x80B5] = "micromaster"}
+M.profibus.vendors = {[0x80B5] = 0x002A, [0x80E5] = 0x002A}
+M.profibus.families = {[0x80B5] = "micromaster", [0x80E5] = "sinamics"}
 M.profibus.ppos = {
   {number = 1, modules = {8, 4}, pkw = true},
   {number = 2, modules = {8, 12}, pkw = true},
@@ -2561,6 +2564,34 @@ M.explain.statuses = {
   {services = {218}, plc = "none", filter = "service", en = "alarm not acknowledged: {name}", zh = "报警未被确认：{name}", look_en = "the alarm frame before it and what it was about.", look_zh = "在它之前的报警帧及其内容。", cause = {{en = "the controller did not want the alarm, or the program did not handle it in time", zh = "控制器不接受该报警，或程序未及时处理", basis = "usual"}}},
   {services = {207}, decode = 129, code1 = 253, code2 = 5, plc = "none", filter = "service", en = "connection aborted: cyclic data of the partner stayed away (watchdog expired)", zh = "连接中止：对方的循环数据中断（看门狗超时）", look_en = "the last cyclic frames before it, and a Release or new Connect after it; a DS47 job in between is lost.", look_zh = "在它之前的最后循环帧，以及之后的 Release 或新的 Connect；其间的 DS47 任务丢失。", cause = {{en = "cable, switch or partner interrupted; partner restarted or was switched off", zh = "电缆、交换机或对方中断；对方重启或断电", basis = "usual"}, {en = "update time too short for the network or the device: raise it or the number of accepted misses", zh = "更新时间对网络或设备过短：增大更新时间或允许丢失次数", basis = "usual"}}},
   {services = {207}, decode = 129, code1 = 253, code2 = 6, plc = "none", filter = "service", en = "connection aborted: the start-up did not go on in time (CMI timeout)", zh = "连接中止：启动过程未及时继续（CMI 超时）", look_en = "the last Connect, Write or Control call before it and which response is missing.", look_zh = "在它之前最后的 Connect、Write 或 Control 调用，以及缺少哪个应答。", cause = {{en = "calls or responses got lost, or the partner was too slow at start-up", zh = "调用或应答丢失，或对方启动过慢", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 1, plc = "none", filter = "service", en = "connection aborted: a sequence number was wrong", zh = "连接中止：序列号错误", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "alarm frames were lost or came twice", zh = "报警帧丢失或重复", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 2, plc = "none", filter = "service", en = "connection aborted: the partner has closed its side (instance closed)", zh = "连接中止：对方已关闭其一侧（instance closed）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "an earlier connection still existed there, or the partner restarted", zh = "对方仍存在先前的连接，或对方重新启动", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 3, plc = "none", filter = "service", en = "connection aborted: out of memory", zh = "连接中止：内存不足", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the device has no room for this connection: too many controllers, or too much data", zh = "设备没有资源建立该连接：控制器过多或数据过多", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 4, plc = "none", filter = "service", en = "connection aborted: the cyclic data could not be set up (add of CPM or PPM failed)", zh = "连接中止：无法建立循环数据（CPM 或 PPM 添加失败）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the device does not take lengths or cycle of the configuration: GSDML and project differ", zh = "设备不接受组态的长度或周期：GSDML 与项目不一致", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 7, plc = "none", filter = "service", en = "connection aborted: the alarm channel could not be opened", zh = "连接中止：无法打开报警通道", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the partner does not take part in the start-up any more", zh = "对方不再参与启动过程", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 8, plc = "none", filter = "service", en = "connection aborted: an alarm could not be sent (alarm-send.cnf(-))", zh = "连接中止：无法发送报警（alarm-send.cnf(-)）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the other side did not take an alarm: connection or load", zh = "对方未接受报警：连接或负载", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 9, plc = "none", filter = "service", en = "connection aborted: the acknowledgement of an alarm could not be sent (alarm-ack-send.cnf(-))", zh = "连接中止：无法发送报警确认（alarm-ack-send.cnf(-)）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the other side did not take it: connection or load", zh = "对方未接受：连接或负载", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 10, plc = "none", filter = "service", en = "connection aborted: an alarm is longer than was agreed", zh = "连接中止：报警长度超过约定值", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the device sends more than the Connect allows (MaxAlarmDataLength)", zh = "设备发送的数据超过 Connect 允许的长度（MaxAlarmDataLength）", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 12, plc = "none", filter = "service", en = "connection aborted: a call was refused or had no answer (RPC-client call.cnf(-))", zh = "连接中止：调用被拒绝或没有应答（RPC-client call.cnf(-)）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the partner was gone when it was called: cable, supply, address", zh = "调用时对方已不在：电缆、电源、地址", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 14, plc = "none", filter = "service", en = "connection aborted: a new connection of the same controller replaces it (re-run)", zh = "连接中止：同一控制器的新连接取代了该连接（re-run）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the controller restarted, or lost the connection before the device noticed", zh = "控制器重新启动，或在设备察觉之前已失去连接", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 15, plc = "none", filter = "service", en = "connection aborted: the controller released it (AR release.ind)", zh = "连接中止：控制器释放了连接（AR release.ind）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the controller was stopped, loaded, or the device was deactivated in the program", zh = "控制器被停止、下载，或设备在程序中被停用", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 16, plc = "none", filter = "service", en = "connection aborted: the device was deactivated", zh = "连接中止：设备已被停用", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the program of the controller deactivated it, D_ACT_DP for example", zh = "控制器程序停用了设备，例如 D_ACT_DP", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 17, plc = "none", filter = "service", en = "connection aborted: the connection was removed (AR removed)", zh = "连接中止：连接已被移除（AR removed）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "a partner gave it up: see what came before", zh = "某一方放弃了连接：查看之前的帧", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 18, plc = "none", filter = "service", en = "connection aborted: a partner did not keep to the protocol", zh = "连接中止：对方违反了协议", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "frames in a wrong order, or with wrong contents: the newest firmware of both", zh = "帧顺序或内容错误：使用双方的最新固件", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 19, plc = "none", filter = "service", en = "connection aborted: the name of the station could not be resolved", zh = "连接中止：无法解析设备名称", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "no device has this name any more, or two have it", zh = "没有设备再使用该名称，或有两个设备使用", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 20, plc = "none", filter = "service", en = "connection aborted: RPC bind failed", zh = "连接中止：RPC bind 失败", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "no answer on UDP port 34964: address, firewall, device in start-up", zh = "UDP 端口 34964 无应答：地址、防火墙、设备正在启动", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 21, plc = "none", filter = "service", en = "connection aborted: the Connect failed", zh = "连接中止：Connect 失败", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the device refused it or did not answer: its own status stands in the response", zh = "设备拒绝或未应答：其状态在应答中", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 22, plc = "none", filter = "service", en = "connection aborted: a Read failed", zh = "连接中止：Read 失败", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "a record of the start-up could not be read: the response says why", zh = "启动时某个记录无法读取：原因在应答中", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 23, plc = "none", filter = "service", en = "connection aborted: a Write failed", zh = "连接中止：Write 失败", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "a record of the parameters was refused: the response says which and why", zh = "某个参数记录被拒绝：应答说明是哪个及原因", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 24, plc = "none", filter = "service", en = "connection aborted: a Control failed", zh = "连接中止：Control 失败", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "ParamEnd or ApplicationReady was refused or had no answer", zh = "ParamEnd 或 ApplicationReady 被拒绝或没有应答", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 25, plc = "none", filter = "service", en = "connection aborted: a module was pulled or plugged where that is not permitted", zh = "连接中止：在不允许的情况下拔出或插入了模块", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "modules changed in operation", zh = "运行中更换了模块", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 26, plc = "none", filter = "service", en = "connection aborted: the access point was removed (AP removed)", zh = "连接中止：访问点已被移除（AP removed）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the head module was pulled, or it restarted", zh = "接口模块被拔出或重新启动", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 27, plc = "none", filter = "service", en = "connection aborted: the link is down", zh = "连接中止：链路断开", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "cable, plug or switch; the partner was switched off", zh = "电缆、插头或交换机；对方断电", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 28, plc = "none", filter = "service", en = "connection aborted: the multicast address could not be registered", zh = "连接中止：无法注册多播地址", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the interface has no room for it", zh = "接口没有资源", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 29, plc = "none", filter = "service", en = "connection aborted: not synchronised", zh = "连接中止：未同步", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "IRT: no sync master, or the topology of the project is not that of the plant", zh = "IRT：没有同步主站，或项目拓扑与实际不符", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 30, plc = "none", filter = "service", en = "connection aborted: wrong topology", zh = "连接中止：拓扑错误", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "ports are plugged otherwise than the project says", zh = "端口连接与项目不符", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 31, plc = "none", filter = "service", en = "connection aborted: the name of the station was changed by DCP", zh = "连接中止：设备名称被 DCP 修改", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "somebody gave the device another name", zh = "有人给设备分配了其他名称", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 37, plc = "none", filter = "service", en = "connection aborted: the IP address was changed by DCP", zh = "连接中止：IP 地址被 DCP 修改", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "somebody gave the device another address", zh = "有人给设备分配了其他地址", basis = "usual"}}},
   {services = {207}, decode = 129, code1 = 253, code2 = 11, plc = "none", filter = "service", en = "connection aborted: an alarm could not be handled (AR alarm.ind)", zh = "连接中止：报警无法处理（AR alarm.ind）", look_en = "the alarm frames before it: number, type and who did not acknowledge.", look_zh = "在它之前的报警帧：序号、类型，以及谁未确认。", cause = {{en = "an alarm came out of order, or could not be passed on; the connection starts anew", zh = "报警顺序有误或无法传递；连接重新启动", basis = "usual"}}},
   {services = {207}, decode = 129, code1 = 253, code2 = 13, plc = "none", filter = "service", en = "connection aborted: a partner gave it up itself (AR abort.req)", zh = "连接中止：一方主动放弃（AR abort.req）", look_en = "who sent it, and a Release or new Connect after it. A DS47 job in between is lost.", look_zh = "由谁发送，以及之后的 Release 或新的 Connect。其间的 DS47 任务丢失。", cause = {{en = "a CPU went to STOP, was loaded or restarted, or the device was switched off by its program", zh = "CPU 进入 STOP、被下载或重启，或设备被程序停用", basis = "usual"}}},
   {services = {207}, decode = 129, code1 = 253, code2 = 32, plc = "none", filter = "service", en = "connection aborted: the device was reset to factory settings by DCP", zh = "连接中止：设备被 DCP 恢复出厂设置", look_en = "the DCP Set before it, and who sent it.", look_zh = "在它之前的 DCP Set，以及由谁发送。", cause = {{en = "somebody reset it with an engineering tool: name and IP address are gone, assign them again", zh = "有人用工程工具将其复位：名称和 IP 地址已丢失，需重新分配", basis = "documented"}}},
@@ -2596,6 +2627,17 @@ M.explain.of_plc = {
   {first = 192, decode = 129, decode_to = 143, plc = "local", filter = "channel", en = "the CPU refused the job itself: error in input {n} of the block (usually {parameter})", zh = "CPU 自身拒绝任务：块的第 {n} 个输入错误（通常为 {parameter}）", look_en = "no Write or Read at that time: nothing was sent.", look_zh = "此时没有写入或读取：没有发送任何内容。", cause = {{en = "the number after the 8 counts the parameters of the call; check value and type of this one", zh = "8 之后的数字为调用参数的序号；检查该参数的值和类型", basis = "documented"}}},
   {first = 192, plc = "local", filter = "channel", en = "the CPU reports it itself, not the device; this number is in no table", zh = "由 CPU 自身报告，而非设备；该代码不在表中", look_en = "whether a request was sent at that time, and whether it was answered.", look_zh = "此时请求是否发出，以及是否得到应答。", cause = {{en = "the help of the PLC's block (WRREC, RDREC) lists them", zh = "见 PLC 块（WRREC、RDREC）的帮助", basis = "usual"}}},
   {first = 64, decode = 130, decode_to = 143, plc = "local", filter = "channel", en = "CODESYS refused the job itself: error in input {n} of the block (usually {parameter})", zh = "CODESYS 自身拒绝任务：块的第 {n} 个输入错误（通常为 {parameter}）", look_en = "no Write or Read at that time: nothing was sent.", look_zh = "此时没有写入或读取：没有发送任何内容。", cause = {{en = "the number after the 8 counts the parameters of the block; 40820000 is an invalid ID", zh = "8 之后的数字为块参数的序号；40820000 为 ID 无效", basis = "documented"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 0, plc = "local", filter = "channel", en = "CODESYS: unknown error", zh = "CODESYS：未知错误", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "no more is known of it: see what the device answered", zh = "没有更多信息：查看设备的应答", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 1, plc = "local", filter = "channel", en = "CODESYS: the function is not implemented", zh = "CODESYS：该功能未实现", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "this stack cannot do it: another block, or a newer version", zh = "该协议栈不支持：使用其他块或较新版本", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 2, plc = "local", filter = "channel", en = "CODESYS: RDIAG was called for a PROFINET device", zh = "CODESYS：对 PROFINET 设备调用了 RDIAG", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "RDIAG is for PROFIBUS; PROFINET has the diagnostics of the controller", zh = "RDIAG 用于 PROFIBUS；PROFINET 使用控制器的诊断", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 3, plc = "local", filter = "channel", en = "CODESYS: the stack is not running", zh = "CODESYS：协议栈未运行", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "the controller has not started the bus, or has stopped it", zh = "控制器尚未启动总线，或已停止", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 4, plc = "local", filter = "channel", en = "CODESYS: no resources, or they are busy", zh = "CODESYS：没有资源，或资源被占用", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "too many record calls at once: fewer, or repeat with a pause", zh = "同时的记录调用过多：减少，或间隔后重复", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 5, plc = "local", filter = "channel", en = "CODESYS: the buffer of the program is too small", zh = "CODESYS：程序中的缓冲区过小", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "make it as long as the record: 240 bytes are right for most", zh = "使其与记录等长：240 字节通常合适", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 16, plc = "local", filter = "channel", en = "CODESYS: the operation is not possible in this state", zh = "CODESYS：当前状态下无法执行该操作", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "the connection is not, or not yet, in data exchange", zh = "连接不在数据交换中，或尚未进入", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 17, plc = "local", filter = "channel", en = "CODESYS: the address is not unique", zh = "CODESYS：目标地址不唯一", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "two devices have this address or name", zh = "两个设备使用同一地址或名称", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 18, plc = "local", filter = "channel", en = "CODESYS: the address is invalid or cannot be reached", zh = "CODESYS：地址无效或无法到达", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "another subnet than that of the controller, or a wrong ID", zh = "与控制器不在同一子网，或 ID 错误", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 19, plc = "local", filter = "channel", en = "CODESYS: the device was not found", zh = "CODESYS：找不到目标设备", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "switched off, not connected, or another address", zh = "断电、未连接或地址不同", basis = "usual"}}},
+  {first = 64, decode = 0, code1 = 1, code2 = 20, plc = "local", filter = "channel", en = "CODESYS: the device is of the wrong type for this operation", zh = "CODESYS：设备类型不适合该操作", look_en = "whether a Write or Read went out at that time.", look_zh = "此时是否发送了写入或读取。", cause = {{en = "the ID is that of another device or module", zh = "ID 属于其他设备或模块", basis = "usual"}}},
   {first = 64, decode = 0, code1 = 1, code2 = 21, plc = "local", filter = "channel", en = "CODESYS: the operation timed out", zh = "CODESYS：操作超时", look_en = "a request without response, or sent several times.", look_zh = "没有应答或多次发送的请求。", cause = {{en = "the device did not answer in time: drive off, connection lost, wrong address", zh = "设备未及时应答：驱动器断电、连接中断、地址错误", basis = "usual"}}},
   {first = 64, plc = "local", filter = "channel", en = "CODESYS reports it itself, not the device (CommFB ErrorCode)", zh = "由 CODESYS 自身报告，而非设备（CommFB ErrorCode）", look_en = "whether a request was sent at that time, and whether it was answered.", look_zh = "此时请求是否发出，以及是否得到应答。", cause = {{en = "40000103 stack not running, 40000104 out of resources, 40000105 buffer too small, 40000110 wrong state, 40000112 address unreachable, 40000113 device not found", zh = "40000103 协议栈未运行、40000104 资源不足、40000105 缓冲区过小、40000110 状态错误、40000112 地址不可达、40000113 未找到设备", basis = "documented"}}},
 }
@@ -2720,6 +2762,7 @@ M.explain.ranges = {
   ABB = {},
   Bonfiglioli = {},
   Danfoss = {},
+  Inovance = {},
   KEB = {},
   ["Mitsubishi Electric"] = {},
   ["Bosch Rexroth"] = {},

@@ -20,6 +20,8 @@ from ds47.cli.helping import Helped
 from ds47.cli.options import (
     analysis_options,
     each_of,
+    expect_option,
+    expected_in,
     jobs_option,
     options_from,
     require_option,
@@ -30,7 +32,6 @@ from ds47.model import SEVERITIES
 from ds47.report.escaping import visible
 
 if TYPE_CHECKING:
-    from ds47.analysis import AnalysisOptions
     from ds47.batch.tasks import Task
     from ds47.regression.run import CheckOutcome
     from ds47.report.bilingual import Both
@@ -51,6 +52,10 @@ _MARGIN = 8
             "ds47 check captures --junit ds47.xml",
             "all captures of a folder against their stored results",
         ),
+        (
+            "ds47 check captures --expect golden.toml --fail-on warning",
+            "and their drives against a list",
+        ),
     ),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
@@ -62,6 +67,7 @@ _MARGIN = 8
     help="Fail on a new finding at or above.  [default: that of ds47.toml, or error]",
 )
 @require_option
+@expect_option
 @click.option("--junit", metavar="FILE", help="Write JUnit XML too, one test per capture.")
 @click.option("--sarif", metavar="FILE", help="Write SARIF 2.1.0 too.")
 @click.option("--summary", is_flag=True, help="Totals by label, and what the captures exercise.")
@@ -76,6 +82,7 @@ def command(
     format_name: str,
     fail_on: str | None,
     required: str | None,
+    expect: str | None,
     junit: str | None,
     sarif: str | None,
     summary: bool,
@@ -89,12 +96,15 @@ def command(
 
     Exit status: 0 all as stored; 1 something changed, no result is stored, or the capture of a
     stored one is gone from a folder, or it lacks what --require asks for; 3 a capture cannot be read
-    as a whole. Changes that come from a newer ds47 alone are reported and do not fail. Tolerances, masks and
-    known findings are set in ds47.toml.
+    as a whole. Changes that come from a newer ds47 alone are reported and do not fail. A parameter
+    that is not as --expect has it is a new finding, a warning. Tolerances, masks and known findings
+    are set in ds47.toml.
     """
     refuse_urls(paths)
     spare_captures(junit, sarif)
-    outcomes, seconds, misses = _run(paths, series, fail_on, lang, jobs, options)
+    outcomes, seconds, misses = _run(paths, series, jobs, {
+        "options": options_from(**options), "fail_on": fail_on, "lang": lang, "expected": expected_in(expect),
+    })  # fmt: skip
     empty = [each for each in outcomes if each.now and not each.now["summary"]["transactions"]]
     if required and empty:
         from ds47.report import NO_TRANSACTION
@@ -120,14 +130,12 @@ def command(
 def _run(
     paths: Sequence[str],
     series: bool,
-    fail_on: str | None,
-    lang: str,
     jobs: int | None,
-    options: dict[str, Any],
+    how: dict[str, Any],
 ) -> tuple[list[CheckOutcome], list[float], Misses]:
     from ds47.regression.config import ConfigError
 
-    one = partial(_timed, analysis=options_from(**options), fail_on=fail_on, lang=lang)
+    one = partial(_timed, how=how)
     outcomes, seconds, misses = [], [], Misses()
     try:
         for _, (outcome, took) in each_of(one, tasks(paths, series, misses), jobs):
@@ -136,18 +144,16 @@ def _run(
             tell_lacking(outcome.path, outcome.missing_files, outcome.problem, misses)
     except ConfigError as problem:
         raise click.ClickException(str(problem)) from problem
-    gone = _gone(paths, series, fail_on)
+    gone = _gone(paths, series, how["fail_on"])
     return outcomes + gone, seconds + [0.0] * len(gone), misses
 
 
-def _timed(
-    task: Task, analysis: AnalysisOptions, fail_on: str | None, lang: str
-) -> tuple[CheckOutcome, float]:
-    """The check of a capture, and how many seconds it took."""
+def _timed(task: Task, how: dict[str, Any]) -> tuple[CheckOutcome, float]:
+    """The check of a capture, and how many seconds it took; `how`: the arguments of `run.check`."""
     from ds47.regression.run import check
 
     begin = time.perf_counter()
-    return check(task, analysis, fail_on, lang), time.perf_counter() - begin
+    return check(task, **how), time.perf_counter() - begin
 
 
 def _gone(paths: Sequence[str], series: bool, fail_on: str | None) -> list[CheckOutcome]:

@@ -16,7 +16,6 @@ from ds47.cli.common import (
     codec_options,
     dialect_options,
     lang_option,
-    pkw_layout_option,
     stdout,
     tell,
     warn,
@@ -27,6 +26,7 @@ from ds47.cli.decode_profibus import PROFIBUS, profibus_words
 from ds47.cli.decode_s7 import S7, s7_words
 from ds47.cli.helping import Helped
 from ds47.report.bilingual import say
+from ds47.spec.pkw_layouts import maker_layouts
 
 if TYPE_CHECKING:
     from ds47.library.message import Message
@@ -48,7 +48,14 @@ if TYPE_CHECKING:
 @click.option("--request", "request_hex", metavar="HEX", help="The request that it answers.")
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
 @click.option("--vendor", metavar="NAME|ID", help="Whose device: SINAMICS, ABB, 0x002A.")
-@pkw_layout_option
+@click.option(
+    "--pkw-layout",
+    type=click.Choice(["cyclic", "uss", *maker_layouts()]),
+    metavar="LAYOUT",
+    default="cyclic",
+    show_default=True,
+    help="PKW: cyclic, uss (page in the high byte of IND), inovance, rexroth-efc, rexroth-fv.",
+)
 @lang_option
 @dialect_options
 def command(

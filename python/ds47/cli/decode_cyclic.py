@@ -56,9 +56,13 @@ def _document(data: bytes, kind: str, layout: str, vendor_id: int | None) -> dic
     from ds47.cyclic.pkw import decode
     from ds47.cyclic.pzd import percent
     from ds47.report import cyclic
+    from ds47.spec.pkw_layouts import maker_layouts
 
     first, _, words = _parts(data, kind)
-    found = cyclic.pkw_document(decode(first, _PKW[kind], layout), vendor_id) if first else {}
+    if first and layout in maker_layouts():
+        found = cyclic.own_document(first, _PKW[kind], layout)
+    else:
+        found = cyclic.pkw_document(decode(first, _PKW[kind], layout), vendor_id) if first else {}
     if not words:
         return found
     name = _PZD[kind]
@@ -73,11 +77,15 @@ def _lines(data: bytes, kind: str, layout: str, lang: str, vendor_id: int | None
     from ds47.cyclic.pkw import decode
     from ds47.report import cyclic
     from ds47.report.bilingual import say
+    from ds47.spec.pkw_layouts import maker_layouts
 
     first, start, words = _parts(data, kind)
     yield say("decode_head", kind=say(f"decode_{kind}"), n=len(data)).text(lang)
     if first:
-        rows = list(cyclic.pkw_lines(decode(first, _PKW[kind], layout), vendor_id))
+        if layout in maker_layouts():
+            rows = list(cyclic.own_lines(first, _PKW[kind], layout))
+        else:
+            rows = list(cyclic.pkw_lines(decode(first, _PKW[kind], layout), vendor_id))
         ends = [row[0] for row in rows[1:]] + [len(first)]
         for (at, meaning), end in zip(rows, ends, strict=True):
             yield from dump(data, at, end, meaning.text(lang))

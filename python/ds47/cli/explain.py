@@ -68,14 +68,22 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
 def _codes(words: Sequence[str], vendor: str | None, lang: str) -> list[str]:
     """What is to be explained: all words together where that is a code (`error 82`), else one after the other.
 
-    Words in front hold for the codes behind them: `GET 2 4 PUT 4` is `GET 2`, `GET 4`, `PUT 4`.
+    Words in front hold for the codes behind them: `GET 2 4 PUT 4` is `GET 2`, `GET 4`, `PUT 4`. Of a line of a
+    log the codes in it.
     """
+    from ds47.explain.lines import codes_in
+
     text = " ".join(words)
-    if len(words) == 1 or _knows(text, lang):
+    if _knows(text, lang):
         return [text]
-    parts = _parts(words, lang)
+    words = text.split()
+    parts = [text] if len(words) == 1 else _parts(words, lang)
     if _knows(text, lang, known=False) and not all(_knows(each, lang) for each in parts):
         return [text]
+    if not all(_knows(each, lang, known=False) for each in parts):
+        inside = [each for each in codes_in(text) if _knows(each, lang)]
+        if inside:
+            return inside
     for each in parts:
         _explained(each, vendor, lang)
     return parts
@@ -89,6 +97,9 @@ def _parts(words: Sequence[str], lang: str) -> list[str]:
     for word in words:
         code = " ".join([*front, word])
         alone = ended and not _knows(code, lang) and _knows(word, lang)
+        if found and not alone and not _knows(code, lang, known=False):
+            of_block = f"{words[0]} {code}"  # SINA_POS 8600 DiagId 7002
+            code = of_block if _knows(of_block, lang, known=False) else code
         if alone or _knows(code, lang, known=False):
             found.append(word if alone else code)
             front = [] if alone else front

@@ -114,6 +114,13 @@ require_option = click.option(
 )
 
 
+expect_option = click.option(
+    "--expect",
+    metavar="LIST",
+    help="Compare parameters with a golden list: TOML, CSV, XLSX, or -f parameters of a good machine.",
+)
+
+
 def tell_empty(paths: Sequence[str]) -> None:
     """Says which captures lack what --require asks for."""
     from ds47.capture.names import about

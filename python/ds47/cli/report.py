@@ -24,6 +24,7 @@ from ds47.cli.execution import Execution
 from ds47.cli.helping import Helped
 from ds47.cli.options import (
     analysis_options,
+    expect_option,
     expected_in,
     fail_on_option,
     heading_options,
@@ -82,11 +83,7 @@ UNREADABLE, NOTHING = 3, 1
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser (html).")
 @fail_on_option
 @require_option
-@click.option(
-    "--expect",
-    metavar="LIST",
-    help="Compare parameters with a golden list: TOML, CSV, or -f parameters of a good machine.",
-)
+@expect_option
 @click.option(
     "--plc",
     is_flag=True,

@@ -86,6 +86,10 @@ class _Line(Protocol):
         """Frames are missing between two; `since_ns`: the time of the first."""
         ...
 
+    def stopped(self, at: CycleMoment, /) -> None:
+        """The data exchange stopped behind a frame, and started again: no frame is missing."""
+        ...
+
     def finish(self, within_ns: int | None = None, /) -> None:
         """Nothing more comes; `within_ns` as `PkwChannel.finish` has it."""
         ...
@@ -138,6 +142,10 @@ class _Requests:
         """Frames are missing between two; `since_ns`: the time of the first."""
         seen_ns = since_ns - _LATE * self.relation.input.cycle_ns
         self.channel.skipped(first, last, seen_ns)
+
+    def stopped(self, at: CycleMoment, /) -> None:
+        """The data exchange stopped: nobody is to blame for what is open."""
+        self.channel.lost(at)
 
     def lost(self, sent: bool, at: CycleMoment) -> None:
         if sent in self.valid:
@@ -238,6 +246,10 @@ class DriveWords:
         self.holes, self.first_hole = self.holes + 1, self.first_hole or last
         self.recorder.skipped()
 
+    def stopped(self, _: CycleMoment, /) -> None:
+        """The data exchange stopped: what the drive did until it started again is unknown."""
+        self.recorder.skipped()
+
     def lost(self, sent: bool, at: CycleMoment) -> None:
         """What it says is not valid from a frame on."""
         self.recorder.lost(sent, at.frame, at.time_ns)
@@ -300,19 +312,25 @@ class _Row:
     """The frame of the newest data, its time,"""
     longest_ns: int = 0
     """and the longest time between two of them."""
+    restarted: bool = False
+    """Whether the station was set up anew since the newest data."""
 
     def __post_init__(self) -> None:
         self.parts = _apart(each.parts for _, each, _ in self.ends)
         self.first, self.need = self.parts[0][0], sum(self.parts[-1])
 
     def pause(self, frame: int, time_ns: int) -> None:
-        """Where the next data comes much later than any before it, exchanges are missing."""
+        """Where the next data comes much later than any before it, exchanges are missing, or there were none."""
         passed = time_ns - self.newest_ns
         if self.count > _HABIT and passed > _PAUSE * self.longest_ns > 0:
-            for line, _, _ in self.ends:
-                line.skipped(self.newest, self.newest_ns, frame)
+            for line, _, sent in self.ends:
+                if self.restarted:
+                    line.stopped(CycleMoment(self.newest, self.newest_ns, line.looks[sent]))
+                else:
+                    line.skipped(self.newest, self.newest_ns, frame)
         elif self.count:
             self.longest_ns = max(self.longest_ns, passed)
+        self.restarted = False
         self.newest, self.newest_ns = frame, time_ns
 
     def is_news(self, data: bytes) -> bool:
@@ -520,6 +538,8 @@ class CyclicChannels:
         self.is_set_up = True
         relations = [each for each in relations if each.channel in self._wanted]
         if self._is_set_up_so(relations, output):
+            if output in self._rows:
+                self._rows[output].restarted = True
             return
         self._drop(output, input_, frame)
         for relation in relations:
@@ -582,7 +602,14 @@ class CyclicChannels:
         where = {"device": relation.device, "slot": relation.slot}
         operation = Operation(where, self._bounds)
         speed = _is_speed(relation.telegrams)
-        recorder = Recorder(operation, not relation.is_foreign, speed, codes, self._bounds.events)
+        recorder = Recorder(
+            operation,
+            not relation.is_foreign,
+            speed,
+            codes,
+            self._bounds.events,
+            relation.is_of_others,
+        )
         drive = DriveWords(relation, recorder, behind)
         self._drives.append(drive)
         self._lines.append(drive)

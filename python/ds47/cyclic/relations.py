@@ -140,6 +140,11 @@ class CyclicRelation:
         """Whether nothing shows Siemens as its maker, the only one with tables here."""
         return self.vendor_id != SIEMENS
 
+    @property
+    def is_of_others(self) -> bool:
+        """Whether it is known to be of another maker: from bit 11 on its words are not those of the profile."""
+        return self.vendor_id not in (None, SIEMENS)
+
     def result(self) -> model.Relation:
         """The relation in the form of the report."""
         return model.Relation(

@@ -88,6 +88,7 @@ class Recorder:
         speed: whether the word behind STW1 is a setpoint of speed; None where the lengths do not tell.
         codes: where in the drive's data WARN_CODE and FAULT_CODE are, None where the telegram has none.
         most: events that are kept.
+        own: whether bit 11 of STW1 is one of another maker than Siemens: no direction, as far as anybody knows.
     """
 
     operation: Operation
@@ -95,6 +96,7 @@ class Recorder:
     speed: bool | None
     codes: tuple[int, int] | None = None
     most: int = 65_536
+    own: bool = False
     events: list[Event] = field(default_factory=list)
     left_out: int = 0
     """Events for which there was no room."""
@@ -292,9 +294,12 @@ class Recorder:
 
     def result(self) -> list[Event]:
         """The events; those of bits that are about a speed only where it is known to be one."""
-        if self.speed:
+        if self.speed and not self.own:
             return self.events
-        others = {edge.id for edge in cyclic.edges("stw1") if edge.speed}
+        others = {
+            edge.id for edge in cyclic.edges("stw1")
+            if (edge.speed and not self.speed) or (self.own and edge.bit == REVERSE)
+        }  # fmt: skip
         return [each for each in self.events if each.name not in others]
 
     def fault_code(self, frame: int) -> int | None:

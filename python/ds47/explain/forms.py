@@ -31,6 +31,8 @@ _CLASS_AND_CODE = re.compile(
     rf"(?:.* )?ERR(?:OR)?[_ ]CL(?:AS)?S{_NUMBER}.*?ERR(?:OR)?[_ ]CODE{_NUMBER}.*"
 )
 """As libraries of S7 and stacks of PROFINET log: `Error class: 133, error code: 0`, `err_cls 253 err_code 5`."""
+_PAIRED = re.compile(r"(?:.* )?0X([0-9A-F]{1,2}) ?/ ?0X([0-9A-F]{1,2})\b.*")
+"""The same as libraries of S7 print it: `S7 protocol error 0x81/0x04`."""
 _RTA, _ABORTED = 0xFD, 0xCF810000
 """The class of errors of the protocol of alarms (RTA), and the bytes in front of it in a status."""
 _PARAMETER = re.compile(r"(?:P|R|PNU) ?([0-9]{1,5})(?:\[[0-9]{1,5}\]|\.[0-9]{1,2})?")
@@ -76,6 +78,8 @@ def read(text: str) -> Code:
     plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
     if pair := _CLASS_AND_CODE.fullmatch(plain.upper()):
         return _class_and_code(text, *(int(each, 0) for each in pair.groups()))
+    if pair := _PAIRED.fullmatch(plain.upper()):
+        return _class_and_code(text, *(int(each, 16) for each in pair.groups()))
     kind, digits = _split_kind(plain)
     code = digits.upper()
     if kind == PKW or kind in cyclic.bit_words():

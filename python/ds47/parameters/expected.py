@@ -1,4 +1,4 @@
-"""What the parameters of a drive should be: a golden list, read from TOML or CSV, one value compared with it.
+"""What the parameters of a drive should be: a golden list, read from TOML, CSV or XLSX, one value held against it.
 
 `ds47 report -f parameters` of a good machine is such a list as it stands. Which element of a capture a row is
 about, and what is found, is `ds47.report.expected`.
@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 
 from ds47 import spec
 from ds47.model import Device, Value
-from ds47.parameters.lists import ListError, text_of
+from ds47.parameters.lists import ListError, sheet_of, text_of
 from ds47.profidrive.naming import LARGEST, element, spelled, spelling
 
 _HEADINGS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -127,11 +127,13 @@ def read(path: Path) -> tuple[Expectation, ...]:
         if ending == ".toml":
             return _checked(path, _of_toml(path, text_of(path.read_bytes())))
         if ending in (".csv", ".tsv", ".txt"):
-            return _checked(path, _of_table(path, text_of(path.read_bytes())))
+            return _checked(path, _of_table(path, *_cells(path, text_of(path.read_bytes()))))
+        if ending in (".xlsx", ".xlsm"):
+            return _checked(path, _of_table(path, _of_sheet(path), comma=True))
     except OSError as problem:
         raise ListError(f"{path}: {problem.strerror or problem}") from problem
     raise ListError(
-        f"{path}: no list of expected parameters ends in {ending or 'nothing'}. Try: .toml or .csv"
+        f"{path}: no list of expected parameters ends in {ending or 'nothing'}. Try: .toml, .csv or .xlsx"
     )
 
 
@@ -337,28 +339,50 @@ def _down(table: Any) -> Iterator[str]:
         yield key
 
 
-# CSV
+# Tables
+
+_Cells = Iterator[tuple[int, list[str]]]
+"""The cells of each row, with its line."""
 
 
-def _of_table(path: Path, text: str) -> Iterator[Row]:
+def _cells(path: Path, text: str) -> tuple[_Cells, bool]:
+    """Those of separated values, and whether a number may have a comma."""
     first = next((line for line in text.splitlines() if line.strip()), "")
     separator = max(",;\t|", key=first.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
-    columns: dict[str, int] = {}
+
+    def rows() -> _Cells:
+        try:
+            for cells in reader:
+                yield reader.line_num, cells
+        except csv.Error as problem:
+            where = f"{path}, line {reader.line_num}"
+            raise ListError(f"{where}: {problem}. Try: a CSV file") from problem
+
+    return rows(), separator != ","
+
+
+def _of_sheet(path: Path) -> _Cells:
+    """Those of the first sheet of a workbook."""
     try:
-        for cells in reader:
-            if not any(each.strip() for each in cells):
-                continue
-            if not columns:
-                columns = _columns(path, reader.line_num, cells)
-                continue
-            row = {key: _cell(cells, at) for key, at in columns.items()}
-            try:
-                yield from ((reader.line_num, each) for each in _of_row(row, separator != ","))
-            except _Wrong as problem:
-                raise ListError(f"{path}, line {reader.line_num}: {problem}") from None
-    except csv.Error as problem:
-        raise ListError(f"{path}, line {reader.line_num}: {problem}. Try: a CSV file") from problem
+        yield from enumerate(sheet_of(path), 1)
+    except ListError as problem:
+        raise ListError(f"{path}: {problem}") from problem
+
+
+def _of_table(path: Path, rows: _Cells, comma: bool) -> Iterator[Row]:
+    columns: dict[str, int] = {}
+    for line, cells in rows:
+        if not any(each.strip() for each in cells):
+            continue
+        if not columns:
+            columns = _columns(path, line, cells)
+            continue
+        row = {key: _cell(cells, at) for key, at in columns.items()}
+        try:
+            yield from ((line, each) for each in _of_row(row, comma))
+        except _Wrong as problem:
+            raise ListError(f"{path}, line {line}: {problem}") from None
 
 
 def _columns(path: Path, line: int, cells: Sequence[str]) -> dict[str, int]:

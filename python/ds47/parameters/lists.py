@@ -105,7 +105,7 @@ def read(
         if ending == ".toml":
             found = _of_toml(path)
         elif ending in (".xlsx", ".xlsm"):
-            found = _of_table(path.stem, _sheet(path, sheet), columns or {})
+            found = _of_table(path.stem, sheet_of(path, sheet), columns or {})
         else:
             found = _of_table(path.stem, _lines(path), columns or {})
     except OSError as problem:
@@ -144,8 +144,8 @@ def text_of(data: bytes) -> str:
     return data.decode("latin-1")
 
 
-def _sheet(path: Path, name: str | None) -> Iterator[list[str]]:
-    """The rows of a sheet of a workbook."""
+def sheet_of(path: Path, name: str | None = None) -> Iterator[list[str]]:
+    """The rows of a sheet of a workbook; None takes the first one."""
     try:
         from openpyxl import load_workbook
     except ImportError as problem:

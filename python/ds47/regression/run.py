@@ -10,6 +10,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ds47.analysis import AnalysisOptions
 from ds47.batch.tasks import Task, in_folders, plan, read
@@ -20,6 +21,9 @@ from ds47.regression import baseline, config
 from ds47.regression.compare import Change, Comparison, Json
 from ds47.regression.versions import Origin
 from ds47.spec.shell import shell_word
+
+if TYPE_CHECKING:
+    from ds47.parameters.expected import Expectation
 
 
 @dataclass(slots=True)
@@ -95,22 +99,28 @@ def result_path(task: Task) -> Path:
     return baseline.path_of(Path(task.path), task.own_name)
 
 
-def result_of(task: Task, options: AnalysisOptions | None = None) -> CaptureResult:
+def result_of(
+    task: Task,
+    options: AnalysisOptions | None = None,
+    expected: tuple[Expectation, ...] = (),
+) -> CaptureResult:
     """Analyses a capture or series, with its digest.
 
     Raises:
         ds47.capture.CaptureError: it cannot be read at all.
     """
-    return readable(task, (options or AnalysisOptions())._replace(digest=True))
+    return readable(task, (options or AnalysisOptions())._replace(digest=True), expected)
 
 
-def readable(task: Task, options: AnalysisOptions) -> CaptureResult:
+def readable(
+    task: Task, options: AnalysisOptions, expected: tuple[Expectation, ...] = ()
+) -> CaptureResult:
     """Analyses a capture, or a series with at least one readable file.
 
     Raises:
         ds47.capture.CaptureError: it cannot be read at all.
     """
-    result = read(task, options)
+    result = read(task, options, expected=expected)
     if result.files and not any(file.readable for file in result.files):
         raise CaptureError(result.problem or "nothing can be read")
     return result
@@ -161,6 +171,7 @@ def check(
     options: AnalysisOptions | None = None,
     fail_on: str | None = None,
     lang: str = "en",
+    expected: tuple[Expectation, ...] = (),
 ) -> CheckOutcome:
     """Compares a capture with its stored result. Problems with either file go to `error`.
 
@@ -169,6 +180,7 @@ def check(
         options: how to analyse it; the same as when the result was stored.
         fail_on: the least severity of a new finding that fails; None takes it from `ds47.toml`.
         lang: language of the changes, "en" or "zh".
+        expected: what parameters should be; none takes it from `ds47.toml`.
 
     Raises:
         ds47.regression.config.ConfigError: the `ds47.toml` of the capture cannot be used.
@@ -182,7 +194,7 @@ def check(
         fail_on=fail_on or settings.fail_on,
     )
     try:
-        result = result_of(task, options)
+        result = result_of(task, options, expected)
     except CaptureError as problem:
         outcome.error, outcome.unreadable = str(problem), True
         return outcome

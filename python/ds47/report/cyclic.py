@@ -6,6 +6,7 @@ channel is not here.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -14,6 +15,7 @@ from ds47.model import Parameter
 from ds47.report import formatting
 from ds47.report.bilingual import LANGUAGES, Both, say
 from ds47.spec import cyclic
+from ds47.spec.pkw_layouts import MakerLayout, maker_layouts
 
 Line = tuple[int, Both]
 """Where something stands, and what it means."""
@@ -58,6 +60,39 @@ def pkw_lines(item: pkw.PkwMessage, vendor_id: int | None = None) -> Iterator[Li
     key = "pkw_ind" if item.fits_layout else "pkw_ind_odd"
     yield 2, say(key, parameter=name, page=f"{item.page:02X}", layout=item.layout)
     yield 4, _pwe(item, vendor_id)
+
+
+def own_document(data: bytes, answer: bool, layout: str) -> dict[str, Any]:
+    """PKW in a layout of a maker for JSON."""
+    own, operation, group, index, value = _own(data, layout)
+    what = (own.answers if answer else own.requests).get(operation)
+    error = own.errors.get(value) if answer and what == "failed" else None
+    return {
+        "operation": operation, "meaning": what, "group": group, "index": index, "layout": layout,
+        "value": None if answer and what == "failed" else value,
+        "error": {"code": value, "text": error.en if error else None} if answer and what == "failed" else None,
+    }  # fmt: skip
+
+
+def own_lines(data: bytes, answer: bool, layout: str) -> Iterator[Line]:
+    """The four words in words, in a layout of a maker."""
+    own, operation, group, index, value = _own(data, layout)
+    what = (own.answers if answer else own.requests).get(operation, "unknown")
+    yield 0, say("pkw_own_operation", code=str(operation), what=say(f"pkw_own_{what}"))
+    parameter = {"group": f"{group:02X}", "index": f"{index:02X}"}
+    yield 2, say("pkw_own_parameter", **parameter, layout=layout, maker=own.maker)
+    error = own.errors.get(value)
+    if not (answer and what == "failed"):
+        yield 4, say("pkw_own_value", value=str(value), hex=f"{value:04X}")
+    elif error is None:
+        yield 4, say("pkw_own_error_unknown", code=str(value), maker=own.maker)
+    else:
+        yield 4, say("pkw_own_error", code=str(value), text=Both(error.en, error.zh))
+
+
+def _own(data: bytes, layout: str) -> tuple[MakerLayout, int, int, int, int]:
+    own, words = maker_layouts()[layout], struct.unpack(">4H", data)
+    return own, own.operation.of(words), own.group.of(words), own.number.of(words), words[3]
 
 
 def _pwe(item: pkw.PkwMessage, vendor_id: int | None) -> Both:

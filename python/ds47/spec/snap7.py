@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from types import MappingProxyType
@@ -15,6 +16,8 @@ _FILE = "snap7.toml"
 word = Words(_FILE).word
 CLIENT, CONNECTION, SOCKET = "client", "connection", "socket"
 _CLIENT_SHIFT, _CONNECTION_SHIFT, _SOCKET_MASK = 20, 16, 0xFFFF
+_SHIFTS = {CLIENT: _CLIENT_SHIFT, CONNECTION: _CONNECTION_SHIFT, SOCKET: 0}
+_SOCKET_ERROR = re.compile(r"socketerror\(([0-9]{1,5})\)")
 
 
 class Part(NamedTuple):
@@ -46,6 +49,34 @@ def _rows(table: str) -> Mapping[int, Mapping[str, Any]]:
     return MappingProxyType(
         {code: row for row in rows for code in row.get("codes", [row.get("code")])}
     )
+
+
+@cache
+def _names() -> Mapping[str, int]:
+    rows = [(table, row) for table in _SHIFTS for row in _load(_FILE)[table]]
+    named = {
+        _plain(name): row.get("code", row.get("codes", [0])[0]) << _SHIFTS[table]
+        for table, row in rows for name in row.get("names", ())
+    }  # fmt: skip
+    return MappingProxyType(named)
+
+
+def _plain(text: str) -> str:
+    return "".join(text.split()).lower()
+
+
+def numbers_named(text: str) -> list[int]:
+    """The numbers that a text names as the libraries do: `CPU : Item not available`, `errCliItemNotAvailable`.
+
+    That of a connection with the error of the socket behind it: `... recv TCP : Connection timed out`.
+    """
+    plain = _plain(text)
+    found = list(dict.fromkeys(number for name, number in _names().items() if name in plain))
+    sockets = [each for each in found if each <= _SOCKET_MASK]
+    sockets += [int(each) & _SOCKET_MASK for each in _SOCKET_ERROR.findall(plain)]
+    behind = sockets[0] if sockets else 0
+    whole = [each for each in found if each > _SOCKET_MASK]
+    return [each if each >> _CLIENT_SHIFT else each | behind for each in whole]
 
 
 def general_cause(name: str) -> CodeCause:
