@@ -225,7 +225,7 @@ class Analysis:
         found = early.found if early is not None else None
         ignore = (*options.ignore, *rules_of_others(options.channels))
         self._times = FrameTimes(bounds.frame_times)
-        self._findings = Findings(options.select, ignore, found, self._times)
+        self._findings = Findings(options.select, ignore, found, self._times, bounds.lone_findings)
         self._outcomes: list[Outcome] = []
         index47 = Index47(
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars,
@@ -488,6 +488,10 @@ class Analysis:
             return
         for remark in self._diagnoses.finish(capture.dropped, capture.gaps, capture.complete):
             self._findings.add(remark)
+        frame, count = self._findings.left_out
+        if count:
+            args = {"limit": "lone_findings", "most": limits().lone_findings, "count": count}
+            self._findings.add(Remark("DS109", frame, args))
 
     def _remark(self, remark: Remark) -> None:
         """A transport finding. If transactions are handed out, it goes with that of its job."""

@@ -6,6 +6,7 @@ worded here either: that is `ds47.report.sentences`.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
@@ -41,6 +42,7 @@ class Findings:
         ignore: rule ids or prefixes that are not wanted.
         found: gets each finding at once; then none is kept for `result`.
         times: when frames were.
+        most: of each rule so many findings are kept that belong to no transaction; the others are counted.
     """
 
     def __init__(
@@ -49,11 +51,17 @@ class Findings:
         ignore: tuple[str, ...],
         found: Callable[[Finding], None] | None = None,
         times: FrameTimes | None = None,
+        most: int | None = None,
     ) -> None:
         self._found = found
         self._select = select
         self._ignore = ignore
         self._times = times or FrameTimes(0)
+        self._most = most
+        self._alone: Counter[str] = Counter()
+        """Rule -> how many of its findings belong to no transaction."""
+        self.left_out = [0, 0]
+        """The frame of the first of them for which there was no room, and how many there are."""
         self._remarks: list[Remark] = []
         self._grouping = Grouping()
         self.frames_dropped = False
@@ -66,8 +74,15 @@ class Findings:
         remark.time_ns = self._times.of(remark.frame)
         if self._found is not None:
             self._found(self.reported(remark))
-        else:
+        elif remark.job is not None or self._has_room(remark):
             self._remarks.append(remark)
+
+    def _has_room(self, remark: Remark) -> bool:
+        self._alone[remark.rule] += 1
+        if self._most is None or self._alone[remark.rule] <= self._most:
+            return True
+        self.left_out = [self.left_out[0] or remark.frame, self.left_out[1] + 1]
+        return False
 
     def wanted(self, rule: str) -> bool:
         """Whether the user wants to hear of a rule."""

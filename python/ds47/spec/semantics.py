@@ -61,6 +61,7 @@ class Limits(Row):
     proven_ars: int
     written_values: int
     described_parameters: int
+    lone_findings: int
     frame_times: int
     longest_messages: int
     bus_remarks: int
