@@ -150,7 +150,7 @@ def test_a_fault_of_ours_is_one_line_and_70(capsys, monkeypatch):
     status, out, err = run(capsys, "rules", "list")
     assert (status, out) == (70, "")
     assert re.fullmatch(
-        r"ds47: internal error: KeyError: 'operation\\x1b\[2J'; please report it .+\n", err
+        r"ds47: error: internal fault: KeyError: 'operation\\x1b\[2J'; please report it .+\n", err
     )
     monkeypatch.setenv("DS47_TRACEBACK", "1")
     status, out, err = run(capsys, "rules", "list")

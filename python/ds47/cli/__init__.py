@@ -246,15 +246,15 @@ def _reader_may_leave() -> Iterator[None]:
 
 def _explain(problem: Exception) -> None:
     """One line about a fault of ours; all that Python knows of it where DS47_TRACEBACK is set."""
-    from ds47.cli.common import warn
+    from ds47.cli.common import fail
 
     if os.environ.get("DS47_TRACEBACK"):
         import traceback
 
         traceback.print_exception(problem)
     what = " ".join(f"{type(problem).__name__}: {problem}".split()).rstrip(": ")[:_LONGEST]
-    warn(
-        f"internal error: {what}; please report it with the command, ds47 --version and what "
+    fail(
+        f"internal fault: {what}; please report it with the command, ds47 --version and what "
         "DS47_TRACEBACK=1 shows"
     )
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ds47.cli.common import codec_options, dialect_options, lang_option, vendor_number, warn
+from ds47.cli.common import codec_options, dialect_options, fail, lang_option, vendor_number
 from ds47.model import CHANNELS, SEVERITIES
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def tell_empty(paths: Sequence[str]) -> None:
     from ds47.report import NO_TRANSACTION
 
     for path in paths:
-        warn(about(path, NO_TRANSACTION))
+        fail(about(path, NO_TRANSACTION))
 
 
 def heading_options(function: Function) -> Function:
