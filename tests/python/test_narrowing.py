@@ -356,7 +356,7 @@ def test_the_zone_may_stand_in_the_toml_beside_the_captures(capsys, captures, tm
     _, text, _ = run(capsys, tmp_path / "one.pcapng")
     assert "2026-01-01 11:00:00.000 +03:00 to" in text
     _, text, _ = run(capsys, "--tz", "UTC", tmp_path / "one.pcapng")
-    assert "2026-01-01 08:00:00.000 +00:00 (UTC) first frame" in text
+    assert "2026-01-01 08:00:00.000 +00:00 (UTC) to" in text
     (tmp_path / "two").mkdir()
     (tmp_path / "two" / "one.pcapng").write_bytes((captures / "tour-machine.pcapng").read_bytes())
     (tmp_path / "two" / "ds47.toml").write_text('[report]\ntz = "Nowhere/At_All"\n', "utf-8")
