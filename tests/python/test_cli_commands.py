@@ -371,7 +371,7 @@ def test_rules_that_have_a_word(capsys):
         status, out, err = run(capsys, "rules", word)
         assert (status, out) == (2, "")
         assert err.splitlines()[-1] == (
-            f"ds47: error: no rule has {word!r} in its name or text; see: ds47 rules"
+            f"ds47: error: no rule has {word!r} in its name or text. Try: ds47 rules"
         )
 
 

@@ -61,7 +61,10 @@ def test_every_command_is_in_a_group() -> None:
             ["report", "-r", "drive-eror", "a.pcap"],
             "no rule begins with 'drive-eror' or is named so. Did you mean: drive-error?",
         ),
-        (["report", "--select", "xyz", "a.pcap"], "See: ds47 rules"),
+        (["report", "--select", "xyz", "a.pcap"], "Try: ds47 rules"),
+        (["decode", ""], "the message: no bytes. Try: ds47 decode 01"),
+        (["report", "--expect", __file__, "a.pcap"], "ends in .py. Try: .toml or .csv"),
+        (["watch"], "a SOURCE (- for stdin). Try: ds47 watch -h"),
         (["reprot"], "No such command 'reprot'. Did you mean: ds47 report, ds47 export?"),
         (["explain", "p1120", "xyzzy"], "unknown code 'xyzzy'. Accepted: "),
     ],
@@ -73,7 +76,23 @@ def test_an_error_is_one_line_with_one_prefix(
     assert (status, out) == (2, "")
     (line,) = err.splitlines()
     assert line.startswith("ds47: error: ")
+    assert line.count("Try: ") <= 1
     assert said in line
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["trail"], ["diff", "a.pcap"], ["export"], ["baseline"], ["accept", "--yes"]],
+)
+def test_what_cannot_be_read_has_the_same_prefix(
+    capsys: Captured, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.pcap").write_bytes(b"\x89PNG\r\n\x1a\n")
+    status, _, err = run(capsys, *words, "a.pcap")
+    assert status == 3
+    (line,) = err.splitlines()
+    assert line.startswith("ds47: error: a.pcap: not a capture: it is a PNG picture. Try: ")
 
 
 HELPED = [

@@ -168,8 +168,8 @@ def _refuse(problem: click.ClickException) -> None:
     """One line: what is wrong and why; of wrong use how to see what is right."""
     text = _near(problem, " ".join(problem.format_message().split()))
     context = problem.ctx if isinstance(problem, click.UsageError) else None
-    if context is not None and "ds47 " not in text:
-        text += "" if text.endswith(("?", ".", ")")) else "."
+    if context is not None and "ds47 " not in text and "Try: " not in text:
+        text += "" if text.endswith(("?", ".", "?)")) else "."
         text += f" Try: {context.command_path} -h"
     click.echo(f"ds47: error: {text}", err=True)
 

@@ -387,7 +387,7 @@ def _known_rule(name: str) -> str:
         from difflib import get_close_matches
 
         near = get_close_matches(name.lower(), [each.name for each in spec.rules().values()], 1)
-        advice = f"Did you mean: {near[0]}?" if near else "See: ds47 rules"
+        advice = f"Did you mean: {near[0]}?" if near else "Try: ds47 rules"
         raise click.UsageError(f"no rule begins with {name!r} or is named so. {advice}")
     return found
 
