@@ -53,7 +53,7 @@ def written(path: Path, frames: list[bytes]) -> Path:
     [
         (
             "profibus-wrong-project",
-            "NOT OK: the data length of dp3 differs from its configuration; 4 more causes",
+            "NOT OK: dp3 refuses its configuration; 4 more causes",
             "3 stations of PROFIBUS",
         ),
         (
