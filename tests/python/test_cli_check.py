@@ -125,7 +125,7 @@ def test_a_folder_without_captures_is_3(tmp_path, capsys, command):
     status, _, err = run(capsys, command, tmp_path)
     assert status == 3
     endings = ".pcap, .pcapng, .cap, also with .gz or .zst; not .ds47.pcapng"
-    assert err == f"ds47: {tmp_path}: no capture in this folder ({endings})\n"
+    assert err == f"ds47: error: {tmp_path}: no capture in this folder. Try: one with {endings}\n"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="other lengths there")
@@ -135,7 +135,7 @@ def test_a_name_that_is_too_long_costs_only_its_capture(folder, capsys):
     status, out, err = run(capsys, "baseline", folder)
     assert status == 3
     assert out.count(": stored ") == 2
-    assert err == f"ds47: {folder / long}: no result could be stored: File name too long\n"
+    assert err == f"ds47: error: {folder / long}: no result could be stored: File name too long\n"
     status, out, _ = run(capsys, "check", folder)
     assert (status, out.splitlines()[-1].split(";")[0]) == (1, "3 captures: 2 as stored, 1 not")
 
@@ -325,7 +325,7 @@ def test_a_capture_that_is_cut_is_named_and_compared(stored, capsys):
     for command in ("check", "accept"):
         status, out, err = run(capsys, command, path, *(["--yes"] if command == "accept" else []))
         assert status == 3
-        assert err.startswith(f"ds47: {path}: ")
+        assert err.startswith(f"ds47: error: {path}: ")
         assert "transaction" in out
 
 
@@ -489,7 +489,7 @@ def test_a_series_with_a_file_that_cannot_be_read(kept, capsys):
         assert status == 3
         assert err.count("\n") == 1
         assert err.startswith(
-            f"ds47: {kept / ring(1, NIGHT)}: {kept / ring(2, NIGHT)}: not a capture"
+            f"ds47: error: {kept / ring(1, NIGHT)}: {kept / ring(2, NIGHT)}: not a capture"
         )
         assert ("transaction 4 is gone" if command == "check" else "stored") in out
     text = (kept / "ring.ds47.json").read_text("utf-8")

@@ -150,7 +150,7 @@ def test_a_fault_of_ours_is_one_line_and_70(capsys, monkeypatch):
     status, out, err = run(capsys, "rules", "list")
     assert (status, out) == (70, "")
     assert re.fullmatch(
-        r"ds47: internal error: KeyError: 'operation\\x1b\[2J'; please report it .+\n", err
+        r"ds47: error: internal fault: KeyError: 'operation\\x1b\[2J'; please report it .+\n", err
     )
     monkeypatch.setenv("DS47_TRACEBACK", "1")
     status, out, err = run(capsys, "rules", "list")
@@ -371,7 +371,7 @@ def test_rules_that_have_a_word(capsys):
         status, out, err = run(capsys, "rules", word)
         assert (status, out) == (2, "")
         assert err.splitlines()[-1] == (
-            f"ds47: error: no rule has {word!r} in its name or text; see: ds47 rules"
+            f"ds47: error: no rule has {word!r} in its name or text. Try: ds47 rules"
         )
 
 

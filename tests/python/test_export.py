@@ -582,7 +582,7 @@ def test_a_series_with_a_file_that_cannot_be_read_and_one_that_is_missing(
     first = Path("plant", ring(1, NIGHT))
     problems = shown.err.splitlines()
     assert problems[0] == f"ds47: {first}: 1 file of this series missing"
-    assert problems[1].startswith(f"ds47: {first}: not a capture")
+    assert problems[1].startswith(f"ds47: error: {first}: not a capture")
     assert len(problems) == 2
     assert f"{first}: 8 of 17 frames, 2 transactions" in shown.out
     assert len(list(whole_frames("ring.ds47.pcapng"))) == 8

@@ -61,7 +61,10 @@ def test_every_command_is_in_a_group() -> None:
             ["report", "-r", "drive-eror", "a.pcap"],
             "no rule begins with 'drive-eror' or is named so. Did you mean: drive-error?",
         ),
-        (["report", "--select", "xyz", "a.pcap"], "See: ds47 rules"),
+        (["report", "--select", "xyz", "a.pcap"], "Try: ds47 rules"),
+        (["decode", ""], "the message: no bytes. Try: ds47 decode 01"),
+        (["report", "--expect", __file__, "a.pcap"], "ends in .py. Try: .toml or .csv"),
+        (["watch"], "a SOURCE (- for stdin). Try: ds47 watch -h"),
         (["reprot"], "No such command 'reprot'. Did you mean: ds47 report, ds47 export?"),
         (["explain", "p1120", "xyzzy"], "unknown code 'xyzzy'. Accepted: "),
     ],
@@ -73,7 +76,23 @@ def test_an_error_is_one_line_with_one_prefix(
     assert (status, out) == (2, "")
     (line,) = err.splitlines()
     assert line.startswith("ds47: error: ")
+    assert line.count("Try: ") <= 1
     assert said in line
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["trail"], ["diff", "a.pcap"], ["export"], ["baseline"], ["accept", "--yes"]],
+)
+def test_what_cannot_be_read_has_the_same_prefix(
+    capsys: Captured, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.pcap").write_bytes(b"\x89PNG\r\n\x1a\n")
+    status, _, err = run(capsys, *words, "a.pcap")
+    assert status == 3
+    (line,) = err.splitlines()
+    assert line.startswith("ds47: error: a.pcap: not a capture: it is a PNG picture. Try: ")
 
 
 HELPED = [
@@ -169,7 +188,7 @@ def test_parameters_are_offered_where_one_is_missing(capsys: Captured, captures:
     status, out, err = run(capsys, "report", "--pnu", "p1121", captures / "tour-machine.pcapng")
     assert (status, out) == (1, "")
     assert err.startswith(
-        "ds47: nothing matches --pnu 1121; read or changed here: p50076, p50303, p50304"
+        "ds47: error: nothing matches --pnu 1121; read or changed here: p50076, p50303, p50304"
     )
 
 
@@ -178,11 +197,11 @@ def test_states_are_offered_where_one_is_missing(capsys: Captured, captures: Pat
     status, out, err = run(capsys, "report", "-s", "unanswered", path)
     assert (status, out) == (1, "")
     assert err == (
-        "ds47: nothing matches --state unanswered; there are 1 ok, 1 superseded;"
+        "ds47: error: nothing matches --state unanswered; there are 1 ok, 1 superseded;"
         " superseded: the response was not fetched before the next request\n"
     )
     _, _, err = run(capsys, "report", "--lang", "zh", "-s", "unanswered", path)
-    assert err.startswith("ds47: 没有内容符合 --state unanswered；有 1 个正常，1 个被取代；")
+    assert err.startswith("ds47: error: 没有内容符合 --state unanswered；有 1 个正常，1 个被取代；")
     _, _, err = run(capsys, "trail", "-s", "orphan", captures / "tour-machine.pcapng")
     assert err.endswith("there are 4 ok, 1 partial, 1 error, 1 refused, 1 unanswered\n")
 
@@ -202,7 +221,7 @@ def test_a_station_without_transactions_can_be_asked_for(capsys: Captured, captu
     assert run(capsys, "report", "-d", "dp4", "-s", "error", healthy)[0] == 1
     status, out, err = run(capsys, "report", "-d", "dp77", healthy)
     assert (status, out) == (1, "")
-    assert err == "ds47: nothing matches --device dp77; there are dp3, dp4, dp5\n"
+    assert err == "ds47: error: nothing matches --device dp77; there are dp3, dp4, dp5\n"
 
 
 @pytest.mark.parametrize("command", ["report", "trail", "export"])
@@ -333,6 +352,15 @@ def test_a_word_that_is_no_code_shows_the_parameters_that_have_it(
     out = capsys.readouterr().out
     assert "p1120" in out
     assert out.endswith("\nwith their sources: ds47 params show 'ramp-up time'\n")
+
+
+def test_a_word_is_looked_up_in_both_languages(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "ramp", "--lang", "zh"]) == 0
+    assert "p1120  斜坡函数发生器斜坡上升时间" in capsys.readouterr().out
+    assert main(["explain", "斜坡"]) == 0
+    assert "p1120  Ramp-function generator, ramp-up time" in capsys.readouterr().out
+    assert main(["explain", "xyzzy", "--lang", "zh"]) == 2
+    assert capsys.readouterr().err.startswith("ds47: error: 未知代码 'xyzzy'. 可用的形式：")
 
 
 def test_a_word_that_is_a_code_too_is_explained(capsys: pytest.CaptureFixture[str]) -> None:

@@ -117,7 +117,7 @@ def test_shown_is_what_a_naive_filter_gives(which, wholes, capsys, data):
         return
     if not captures:
         assert status == 1
-        assert said.startswith("ds47: nothing matches --")
+        assert said.startswith("ds47: error: nothing matches --")
         assert expected == []
         return
     (part,) = captures
@@ -250,7 +250,9 @@ def test_captures_without_anything_that_is_wanted_are_left_out(capsys, captures)
     assert [each["path"] for each in json.loads(text)["captures"]] == [str(paths[0])]
     status, text, said = run(capsys, "--pnu", 54321, *paths)
     assert (status, text) == (1, "")
-    assert said.startswith("ds47: nothing matches --pnu 54321; read or changed here: p50076, ")
+    assert said.startswith(
+        "ds47: error: nothing matches --pnu 54321; read or changed here: p50076, "
+    )
 
 
 @pytest.mark.parametrize("kind", sorted({*PRINTED} - {"text", "json"}))
@@ -352,9 +354,9 @@ def test_the_zone_may_stand_in_the_toml_beside_the_captures(capsys, captures, tm
     (tmp_path / "one.pcapng").write_bytes((captures / "tour-machine.pcapng").read_bytes())
     (tmp_path / "ds47.toml").write_text('[report]\ntz = "+03:00"\n', "utf-8")
     _, text, _ = run(capsys, tmp_path / "one.pcapng")
-    assert "2026-01-01 11:00:00.000 +03:00 first frame" in text
+    assert "2026-01-01 11:00:00.000 +03:00 to" in text
     _, text, _ = run(capsys, "--tz", "UTC", tmp_path / "one.pcapng")
-    assert "2026-01-01 08:00:00.000 +00:00 (UTC) first frame" in text
+    assert "2026-01-01 08:00:00.000 +00:00 (UTC) to" in text
     (tmp_path / "two").mkdir()
     (tmp_path / "two" / "one.pcapng").write_bytes((captures / "tour-machine.pcapng").read_bytes())
     (tmp_path / "two" / "ds47.toml").write_text('[report]\ntz = "Nowhere/At_All"\n', "utf-8")

@@ -198,7 +198,7 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, capsys, text, why):
     path = write(tmp_path / "list.toml", text)
     assert main(["params", "import", str(path)]) == 3
     error = capsys.readouterr().err
-    assert error.startswith(f"ds47: {path}: ")
+    assert error.startswith(f"ds47: error: {path}: ")
     assert why in error
     assert error.count("\n") == 1
 

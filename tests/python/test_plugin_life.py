@@ -165,7 +165,7 @@ def test_what_cannot_be_removed_after_all_is_told(shark, plugins, capsys, monkey
         status, _, err = run(capsys, "install", "--no-profile")
     (left,) = install.leftovers(plugins / "ds47")
     assert status == 1
-    assert one_line(err).endswith(f"could not be removed: delete {left}")
+    assert one_line(err).endswith(f"could not be removed. Try: delete {left}")
     told = doctor.check_copies(doctor.Patient(shark))
     assert (told.state, told.mend) == ("wrong", f"delete {left}")
     left.chmod(0o555)

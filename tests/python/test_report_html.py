@@ -37,6 +37,7 @@ from ds47.model import (
 from ds47.regression import difference_page
 from ds47.regression.config import ConfigError, load
 from ds47.report import ReportOptions, causes, html, sentences
+from ds47.report.bilingual import Both
 from ds47.report.html import embed, messages, texts
 from ds47.report.html.verdict import quality
 from ds47.report.html.views import capture_view
@@ -256,6 +257,13 @@ def test_what_failed_is_one_figure_and_the_states_are_in_the_line_below():
     )
     assert 'title="The capture has no response to the request."' in line
     assert '<p class="states dim">' not in page(capture(transaction()))
+
+
+def test_an_ar_is_explained_where_a_sentence_names_it():
+    both = texts.PageWords("en").pair(Both("without an AR <b>", "没有AR"))
+    assert both.count('<abbr title="application relation (AR): ') == 2
+    assert "&lt;b&gt;" in both
+    assert "<abbr" not in texts.PageWords("en").pair(Both("ARP", "LEAR-1"))
 
 
 def test_a_term_is_explained_in_the_words_of_the_glossary():

@@ -60,7 +60,7 @@ def test_a_capture_in_which_all_is_well_has_a_verdict_and_drives_and_no_more():
     assert opening(capture(handmade.transaction())) == [
         "line.pcapng: 9 frames",
         "OK: 1 drive, 1 transaction, all done",
-        "  2026-01-01 00:00:00.000 +00:00 (UTC) first frame, 00:00:00.012 last transaction or event, 12.4 ms",
+        "  2026-01-01 00:00:00.000 +00:00 (UTC) to 00:00:00.012 (last transaction or event), 12.4 ms",
         "",
         "Drives",
         f'  {DRIVE}  "press-1"  1 transaction, all done',

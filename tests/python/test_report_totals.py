@@ -217,8 +217,8 @@ def test_the_time_that_a_capture_spans() -> None:
     result.start_ns, result.end_ns = begin - second, begin + 1_600 * second
     shown = capture_view(result, 1, 9, zone=zone("Asia/Shanghai")).span
     assert shown == Both(
-        "2026-01-01 07:59:59.000 +08:00 (Asia/Shanghai) first frame, 08:26:40.000 last frame, 1601.0 s",
-        "首帧 2026-01-01 07:59:59.000 +08:00 (Asia/Shanghai)，末帧 08:26:40.000，共 1601.0 s",
+        "2026-01-01 07:59:59.000 +08:00 (Asia/Shanghai) to 08:26:40.000, 1601.0 s",
+        "2026-01-01 07:59:59.000 +08:00 (Asia/Shanghai) 至 08:26:40.000，共 1601.0 s",
     )
     assert capture_view(capture(), 1, 9).span is None
 

@@ -264,7 +264,7 @@ def test_the_report_names_files_and_frames(capsys: Any, plant: Path) -> None:
     lines = text.splitlines()
     at = lines.index(f"{first}: 29 frames")
     assert lines[at + 1].startswith("NOT OK: p50076 cannot be changed now")
-    assert " first frame, " in lines[at + 3]
+    assert " (local) to " in lines[at + 3]
     assert lines[at + 4 : at + 11] == [
         "  5 files read as one, frames numbered through all of them",
         "    10 files before the first: overwritten, or not here",

@@ -129,5 +129,5 @@ def test_where_no_change_matches_it_says_what_there_is(
 ) -> None:
     assert main(["trail", str(captures / "tour-machine.pcapng"), "--device", "nobody"]) == 1
     assert capsys.readouterr().err == (
-        "ds47: no write matches --device nobody; there is 192.168.133.33 (press-1-drive)\n"
+        "ds47: error: no write matches --device nobody; there is 192.168.133.33 (press-1-drive)\n"
     )

@@ -53,7 +53,7 @@ def written(path: Path, frames: list[bytes]) -> Path:
     [
         (
             "profibus-wrong-project",
-            "NOT OK: the data length of dp3 differs from its configuration; 4 more causes",
+            "NOT OK: dp3 refuses its configuration; 4 more causes",
             "3 stations of PROFIBUS",
         ),
         (
@@ -155,7 +155,7 @@ def test_what_is_required_and_missing_is_no_success(
         assert total == "1 capture: 0 as stored, 1 not"
     else:
         problem = said.err.splitlines()[-1]
-        assert problem == f"ds47: {unplugged}: no transaction in it (--require transactions)"
+        assert problem == f"ds47: error: {unplugged}: no transaction in it (--require transactions)"
     full = captures / "seed-g120-read.pcapng"
     assert main([command, "--require", "transactions", str(full)]) == 0
 

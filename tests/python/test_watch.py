@@ -384,7 +384,7 @@ def test_a_followed_file_that_is_written_anew_is_told(tmp_path: Path) -> None:
         assert watch.process.wait(10) == 3
         watch.errors.get(timeout=5)
         assert watch.errors.get(timeout=5) == (
-            f"ds47: {path}: the file became shorter while it was followed"
+            f"ds47: error: {path}: the file became shorter while it was followed"
         )
 
 

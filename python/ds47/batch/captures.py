@@ -50,7 +50,7 @@ def _meant(
         return (path,)
     if not found:
         endings = f"{', '.join(SUFFIXES)}, also with {' or '.join(PACKED[1:])}; not {EXPORTED}"
-        missing(f"{path}: no capture in this folder ({endings})")
+        missing(f"{path}: no capture in this folder. Try: one with {endings}")
     return found
 
 

@@ -157,7 +157,7 @@ def _not_a_capture(head: bytes, broken: str | None) -> str:
         if head.isascii() and head.decode().isprintable():
             kind = "it is a text, and no hex dump of frames or log of PROFIBUS"
     return (
-        f"not a capture: {kind}; expected is pcap or pcapng (.gz, .zst), "
+        f"not a capture: {kind}. Try: pcap or pcapng (.gz, .zst), "
         "a hex dump of their frames, or a recording with frames of PROFIBUS"
     )
 

@@ -168,8 +168,8 @@ def _refuse(problem: click.ClickException) -> None:
     """One line: what is wrong and why; of wrong use how to see what is right."""
     text = _near(problem, " ".join(problem.format_message().split()))
     context = problem.ctx if isinstance(problem, click.UsageError) else None
-    if context is not None and "ds47 " not in text:
-        text += "" if text.endswith(("?", ".", ")")) else "."
+    if context is not None and "ds47 " not in text and "Try: " not in text:
+        text += "" if text.endswith(("?", ".", "?)")) else "."
         text += f" Try: {context.command_path} -h"
     click.echo(f"ds47: error: {text}", err=True)
 
@@ -246,15 +246,15 @@ def _reader_may_leave() -> Iterator[None]:
 
 def _explain(problem: Exception) -> None:
     """One line about a fault of ours; all that Python knows of it where DS47_TRACEBACK is set."""
-    from ds47.cli.common import warn
+    from ds47.cli.common import fail
 
     if os.environ.get("DS47_TRACEBACK"):
         import traceback
 
         traceback.print_exception(problem)
     what = " ".join(f"{type(problem).__name__}: {problem}".split()).rstrip(": ")[:_LONGEST]
-    warn(
-        f"internal error: {what}; please report it with the command, ds47 --version and what "
+    fail(
+        f"internal fault: {what}; please report it with the command, ds47 --version and what "
         "DS47_TRACEBACK=1 shows"
     )
 

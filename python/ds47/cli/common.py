@@ -160,6 +160,11 @@ def warn(text: str) -> None:
     click.echo(f"ds47: {escape(text)}", err=True)
 
 
+def fail(text: str) -> None:
+    """The same about what makes the exit status another than 0: `WHAT: WHY. Try: DO`."""
+    warn(f"error: {text}")
+
+
 class Misses:
     """Says on stderr what could not be read; true after the first line."""
 
@@ -169,7 +174,7 @@ class Misses:
     def __call__(self, text: str) -> None:
         """Says one line."""
         self._any = True
-        warn(text)
+        fail(text)
 
     def __bool__(self) -> bool:
         return self._any

@@ -141,7 +141,7 @@ def _bytes(text: str, what: str, lang: str) -> bytes:
     except ValueError as problem:
         raise click.UsageError(f"{what}: {problem}") from problem
     if not pasted.data:
-        raise click.UsageError(f"{what}: no bytes")
+        raise click.UsageError(f"{what}: no bytes. Try: ds47 decode 0102030110010460")
     if pasted.decimal:
         warn(say("decode_decimal").text(lang))
     return pasted.data

@@ -224,15 +224,13 @@ def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
 def _unknown(text: str, forms: str, lang: str) -> str:
     """What is said of a text that is no code, in a line of _LINE characters with what stands in front of it."""
     from ds47.cli.params import looked_up
+    from ds47.report.bilingual import say_in
     from ds47.report.wrap import columns
     from ds47.spec.shell import shell_word
 
     shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
-    said = f"unknown code {shown!r}. {forms}"
-    named = f"; by name: ds47 params show {shell_word(text)}"
-    tries = (
-        (said + named, f"unknown code {shown!r}{named}")
-        if _is_word(text) and looked_up(text, lang)
-        else ()
-    )
+    unknown = say_in(lang, "explain_unknown", code=repr(shown))
+    said = f"{unknown}. {forms}"
+    named = say_in(lang, "explain_named", command=f"ds47 params show {shell_word(text)}")
+    tries = (said + named, unknown + named) if _is_word(text) and looked_up(text, lang) else ()
     return next((each for each in tries if columns(each) <= _LINE), said)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ds47.cli.common import codec_options, dialect_options, lang_option, vendor_number, warn
+from ds47.cli.common import codec_options, dialect_options, fail, lang_option, vendor_number
 from ds47.model import CHANNELS, SEVERITIES
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def tell_empty(paths: Sequence[str]) -> None:
     from ds47.report import NO_TRANSACTION
 
     for path in paths:
-        warn(about(path, NO_TRANSACTION))
+        fail(about(path, NO_TRANSACTION))
 
 
 def heading_options(function: Function) -> Function:
@@ -394,7 +394,7 @@ def _known_rule(name: str) -> str:
         from difflib import get_close_matches
 
         near = get_close_matches(name.lower(), [each.name for each in spec.rules().values()], 1)
-        advice = f"Did you mean: {near[0]}?" if near else "See: ds47 rules"
+        advice = f"Did you mean: {near[0]}?" if near else "Try: ds47 rules"
         raise click.UsageError(f"no rule begins with {name!r} or is named so. {advice}")
     return found
 

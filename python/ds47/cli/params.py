@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import format_option, lang_option, stdout, tell, vendor_number, warn
+from ds47.cli.common import fail, format_option, lang_option, stdout, tell, vendor_number, warn
 from ds47.cli.helping import Gathered
 from ds47.profidrive.naming import spelled
 from ds47.report.bilingual import say
@@ -85,7 +85,7 @@ def take(
         _about(found, name, vendor, device_ids, firmware)
         saved_to, replaced = store.save(found)
     except lists.ListError as problem:
-        warn(str(problem))
+        fail(str(problem))
         return _UNREADABLE
     counts = say(
         "params_counts", n=len(found.rows), messages=say("params_messages", n=len(found.messages))
@@ -159,7 +159,7 @@ def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
     elif found:
         tell(known.lines(found))
     if not found:
-        warn(say("params_unknown", text=escape(" ".join(words))).text(lang))
+        fail(say("params_unknown", text=escape(" ".join(words))).text(lang))
         return 1
     return 0
 
@@ -173,7 +173,7 @@ def looked_up(text: str, lang: str) -> list[SourceEntry] | None:
     try:
         catalogue = Catalogue(found for _, found in store.kept())
     except lists.ListError as problem:
-        warn(str(problem))
+        fail(str(problem))
         return None
     return known.known(text, catalogue, lang)
 
@@ -188,7 +188,7 @@ def listed(lang: str, format_name: str) -> int:
     try:
         kept = store.kept()
     except lists.ListError as problem:
-        warn(str(problem))
+        fail(str(problem))
         return _UNREADABLE
     stream = stdout()
     if format_name == "json":
@@ -244,7 +244,7 @@ def export(path: Path | None, wireshark: bool, folder: Path | None, lang: str) -
     try:
         kept = [found for _, found in store.kept()]
     except lists.ListError as problem:
-        warn(str(problem))
+        fail(str(problem))
         return _UNREADABLE
     if wireshark:
         path = _beside_plugin(folder, lang)
@@ -257,7 +257,7 @@ def export(path: Path | None, wireshark: bool, folder: Path | None, lang: str) -
     try:
         path.write_text(text, "utf-8", newline="\n")
     except OSError as problem:
-        warn(f"{path}: {problem.strerror or problem}")
+        fail(f"{path}: {problem.strerror or problem}")
         return _UNREADABLE
     tell([say("params_exported", n=len(kept), place=str(path)).text(lang)])
     return 0
@@ -272,11 +272,11 @@ def _beside_plugin(folder: Path | None, lang: str) -> Path | None:
         try:
             folder = find(os.environ.get("DS47_TSHARK") or None).folders.personal_lua
         except NoWiresharkError as problem:
-            warn(f"{problem} (--folder DIR names the plugins folder)")
+            fail(f"{problem}. Try: --folder DIR, the plugins folder")
             return None
     plugin = folder / install.FOLDER
     if install.read_marker(plugin) is None:
-        warn(say("params_no_plugin", folder=str(plugin)).text(lang))
+        fail(say("params_no_plugin", folder=str(plugin)).text(lang))
         return None
     return plugin / install.LISTS
 
@@ -291,7 +291,7 @@ def remove(name: str, lang: str) -> int:
     try:
         path = store.remove(name)
     except lists.ListError as problem:
-        warn(str(problem))
+        fail(str(problem))
         return 1
     tell([say("params_removed", path=str(path)).text(lang)])
     return 0

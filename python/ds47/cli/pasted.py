@@ -52,13 +52,16 @@ class Pasted:
 
 
 def read(text: str) -> Pasted:
-    """The bytes of a text.
+    """The bytes of a text; none of an empty one.
 
     Raises:
         ValueError: it has none of the forms, or may have two; the message says where, and what to do.
     """
     plain = [_NAME.sub("", line) for line in _BUFFER.sub(r"\1", text).splitlines()]
-    lines = _without_offsets([line for line in plain if line.strip()])
+    written = [line for line in plain if line.strip()]
+    if not written:
+        return Pasted(b"")
+    lines = _without_offsets(written)
     numbers = _decimal(lines)
     if numbers is None:
         return Pasted(parse_hex("\n".join(lines)))

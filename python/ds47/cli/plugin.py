@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ds47.cli.common import counted, stdout, warn
+from ds47.cli.common import counted, fail, stdout, warn
 from ds47.cli.helping import Gathered
 from ds47.report.escaping import visible
 from ds47.version import __version__
@@ -64,13 +64,13 @@ def install(folder: Path | None, no_profile: bool, force: bool, tshark: str | No
         outcome = files.install_plugin(plugins, sources, force)
         stream.write(_installed(f"plugin {__version__}", outcome))
     except files.RefusedError as problem:
-        warn(str(problem))
+        fail(str(problem))
         return 1
     status = 0 if no_profile else _install_profile(shark, force)
     status |= _warn_of_left(outcome)
     for copy in files.copies(plugins):
         if copy.parent not in (outcome.folder, outcome.left):
-            warn(f"a second copy of the plugin is there: delete {copy}")
+            fail(f"a second copy of the plugin is there. Try: delete {copy}")
             status = 1
     stream.write("Next: start Wireshark again, or Analyze > Reload Lua Plugins.\n")
     if not no_profile and shark is not None and not status:
@@ -99,7 +99,7 @@ def uninstall(folder: Path | None, force: bool, tshark: str | None) -> int:
         try:
             stdout().write(_removed(what, files.uninstall(target, keep_changed)))
         except files.RefusedError as problem:
-            warn(str(problem))
+            fail(str(problem))
             status = 1
     return status
 
@@ -155,7 +155,7 @@ def _install_profile(shark: Wireshark | None, force: bool) -> int:
     try:
         outcome = files.install_profile(shark.folders.profile(files.PROFILE), sources, force)
     except files.RefusedError as problem:
-        warn(str(problem))
+        fail(str(problem))
         return 1
     stdout().write(_installed("profile DS47", outcome))
     return _warn_of_left(outcome)
@@ -165,7 +165,7 @@ def _warn_of_left(outcome: InstallOutcome) -> int:
     """Says that the old files are still there, under another name; returns the exit status."""
     if outcome.left is None:
         return 0
-    warn(f"what was there before could not be removed: delete {outcome.left}")
+    fail(f"what was there before could not be removed. Try: delete {outcome.left}")
     return 1
 
 
@@ -176,7 +176,7 @@ def _find(program: str | None, needed: bool) -> Wireshark | None:
         shark = find(program)
     except NoWiresharkError as problem:
         if needed or program is not None:
-            warn(f"{problem} (--tshark PROGRAM names it; install --folder DIR needs none)")
+            fail(f"{problem}. Try: --tshark PROGRAM, or install --folder DIR")
         return None
     return shark
 

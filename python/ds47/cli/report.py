@@ -19,7 +19,7 @@ from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
 from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, columns_of, output, stdout, warn, width_option
+from ds47.cli.common import color, columns_of, fail, output, stdout, width_option
 from ds47.cli.execution import Execution
 from ds47.cli.helping import Helped
 from ds47.cli.options import (
@@ -237,7 +237,7 @@ def command(
     if run.nothing:
         choice.refuse_backwards()
         there = run.instead(choice.of(None))
-        warn(say("nothing_matches", criteria=choice.criteria, devices=there).text(lang))
+        fail(say("nothing_matches", criteria=choice.criteria, devices=there).text(lang))
         return NOTHING
     if required and run.empty:
         tell_empty(run.empty)

@@ -62,7 +62,7 @@ def _chosen(names: Sequence[str], lang: str) -> tuple[list[RuleWords], bool]:
         searched = True
         having = {key for key, rule in rules.items() if _has(rule, name)}
         if not having:
-            raise click.UsageError(f"no rule has {name!r} in its name or text; see: ds47 rules")
+            raise click.UsageError(f"no rule has {name!r} in its name or text. Try: ds47 rules")
         found |= having
     return [rule for key, rule in rules.items() if key in found], searched
 

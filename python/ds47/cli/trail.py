@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import Misses, color, columns_of, format_option, output, warn, width_option
+from ds47.cli.common import (
+    Misses,
+    color,
+    columns_of,
+    fail,
+    format_option,
+    output,
+    warn,
+    width_option,
+)
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, chosen, selection_options
@@ -86,7 +95,7 @@ def command(
     if choice and not changes:
         choice.refuse_backwards()
         there = instead.words(choice.of(None))
-        warn(say("trail_nothing", criteria=choice.criteria, devices=there).text(lang))
+        fail(say("trail_nothing", criteria=choice.criteria, devices=there).text(lang))
     if misses:
         return 3
     return int(bool(choice) and not changes)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, columns_of, format_option, stdout, warn
+from ds47.cli.common import color, columns_of, fail, format_option, stdout, warn
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, fail_on_option, options_from, tz_option
 from ds47.model import S7, SEVERITIES
@@ -99,7 +99,7 @@ def command(
         else:
             status = watch.run_dumpcap(program, interfaces, capture_filter, duration)
     except DumpcapError as problem:
-        warn(str(problem))
+        fail(str(problem))
         return _UNREADABLE
     if status:
         return status
@@ -216,7 +216,7 @@ class _Watch:
         complaint = running.problem() if running else None
         problem_text = complaint or result.problem or feed.problem
         if problem_text:
-            warn(f"{self._name}: {problem_text}")
+            fail(f"{self._name}: {problem_text}")
         return _UNREADABLE if problem_text else 0
 
     def _nothing(self, feed: Feed, running: Dumpcap | None, problem: str) -> int:
@@ -225,5 +225,5 @@ class _Watch:
         if feed.stopped and complaint is None:
             self._show.summary(0)
             return 0
-        warn(complaint or problem)
+        fail(complaint or problem)
         return _UNREADABLE

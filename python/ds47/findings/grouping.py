@@ -6,6 +6,7 @@ arguments a headline keeps those that are the same in all of its cases; it is wo
 
 from __future__ import annotations
 
+import sys
 from bisect import bisect_left, insort
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
@@ -107,7 +108,8 @@ class Grouping:
 def headlines(findings: Iterable[Finding]) -> list[Diagnosis]:
     """Findings that no diagnosis says, by their causes.
 
-    The serious rules first, then by id; of one rule the most frequent cause first.
+    The serious rules first, then in the order in which the capture shows them: what came first may be the cause
+    of the rest. Of one rule the most frequent cause comes first.
     """
     groups: dict[Cause, _Cases] = {}
     for each in findings:
@@ -119,10 +121,17 @@ def headlines(findings: Iterable[Finding]) -> list[Diagnosis]:
             groups[about] = _Cases(each, None)
         groups[about].add(each)
 
-    def order(each: Diagnosis) -> tuple[Any, ...]:
-        return -SEVERITIES.index(each.severity), each.rule, -each.count, each.frames
+    found = [group.diagnosis for group in groups.values()]
+    begins: dict[tuple[str, str], int] = {}
+    for item in found:
+        kind = item.severity, item.rule
+        begins[kind] = min((begins.get(kind, sys.maxsize), *item.frames[:1]))
 
-    return sorted((each.diagnosis for each in groups.values()), key=order)
+    def order(item: Diagnosis) -> tuple[Any, ...]:
+        first = begins[item.severity, item.rule]
+        return -SEVERITIES.index(item.severity), first, item.rule, -item.count, item.frames
+
+    return sorted(found, key=order)
 
 
 def agree(group: Diagnosis, args: dict[str, Any]) -> None:

@@ -24,6 +24,7 @@ from ds47.model import (
 )
 from ds47.report import contract, csv, json, parquet
 from ds47.report import values as meanings
+from ds47.report.bilingual import say
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, sentence
 from ds47.report.targets import Targets, Telegrams
@@ -84,9 +85,11 @@ class Result:
         return len(self._capture.transactions)
 
     def __repr__(self) -> str:
-        return (
-            f"<ds47 result of {self.path}: {len(self)} transactions, {len(self.findings)} findings>"
+        transactions, findings = (
+            say("transactions", n=len(self)),
+            say("findings", n=len(self.findings)),
         )
+        return f"<ds47 result of {self.path}: {transactions.en}, {findings.en}>"
 
     @property
     def path(self) -> str:

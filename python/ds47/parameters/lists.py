@@ -269,7 +269,7 @@ def _add_parameter(found: ParameterList, row: Mapping[str, Any], where: str) -> 
         raise ListError(f"{where}: access is 'p' or 'r', not {access!r}")
     kind = _word(row, "type")
     if kind is not None and type_of(kind) is None:
-        raise ListError(f"{where}: no type {kind!r}; see: ds47 explain format")
+        raise ListError(f"{where}: no type {kind!r}. Try: ds47 explain format")
     values = row.get("values", {})
     if not isinstance(values, dict) or not all(re.fullmatch(r"-?\d{1,10}", key) for key in values):
         raise ListError(f"{where}: values is a table of numbers and texts")

@@ -16,11 +16,11 @@ from ds47.report.bilingual import LANGUAGES, Both, joined, say
 from ds47.report.clock import Clock, seen_at
 from ds47.report.file_frames import FileFrames
 from ds47.report.formatting import escape
-from ds47.report.sentences import advice, sentence
+from ds47.report.sentences import advice, brief, sentence
 from ds47.report.targets import Telegrams
 from ds47.report.todo import is_lowered
 from ds47.report.verdict import VerdictCounts, concluded, inventory, outcomes, verdict
-from ds47.report.wrap import columns, cut
+from ds47.report.wrap import columns
 from ds47.spec import rules
 
 
@@ -30,6 +30,8 @@ class ShortCause(NamedTuple):
     rule: str
     severity: str
     message: Both
+    brief: Both
+    """The same as a clause."""
     advice: Both
     times: Both | None
     """How often, if more than once, and how many more causes are `alike`."""
@@ -48,7 +50,10 @@ class Who(NamedTuple):
     """A drive, and what became of its transactions."""
 
     device: Device
+    total: Both
+    """How many transactions there are,"""
     transactions: Both
+    """the same with their outcomes."""
     telegram: Both | None = None
 
     def words(self, lang: str, between: str = "  ") -> str:
@@ -145,6 +150,7 @@ def _short(
     job = item.transactions[0] if item.transactions else None
     texts = (sentence(item, lang) for lang in LANGUAGES)
     message = Both(*map(escape, texts))
+    clause = Both(*(escape(brief(item, lang)) for lang in LANGUAGES))
     if several and item.device and item.device not in message.en:
         message = say("cause_device", device=escape(item.device), message=message)
     number = where = None
@@ -157,7 +163,7 @@ def _short(
         each for each in (times_of(item), say("short_alike", n=alike) if alike else None) if each
     ]
     return ShortCause(
-        item.rule, item.severity, message, _advice(item), joined(often, " ", "") if often else None,
+        item.rule, item.severity, message, clause, _advice(item), joined(often, " ", "") if often else None,
         item.count, alike, frame, job, number, where,
     )  # fmt: skip
 
@@ -188,24 +194,19 @@ def who(result: CaptureResult, counts: VerdictCounts) -> list[Who]:
         device = result.device(name)
         devices.setdefault(device.ip, device)
         states.setdefault(device.ip, Counter())[state] += number
-    return [
-        Who(
-            device,
-            joined([
-                say("transactions", n=states[ip].total()),
-                *outcomes(states[ip], smooth=counts.smooth),
-            ]),
-            telegrams.words(ip),
-        )
-        for ip, device in devices.items()
-    ]  # fmt: skip
+    found = []
+    for ip, device in devices.items():
+        total = say("transactions", n=states[ip].total())
+        told = joined([total, *outcomes(states[ip], smooth=counts.smooth)])
+        found.append(Who(device, total, told, telegrams.words(ip)))
+    return found
 
 
 def first_sentences(text: str, room: int) -> str:
-    """As many whole sentences as have room, at least a part of the first one."""
+    """As many whole sentences as have room, at least the first one."""
     end = 0
     for at, character in enumerate(text, 1):
         ends = character in "。" or (character == "." and text[at : at + 1] in ("", " "))
-        if ends and columns(text[:at]) <= room:
+        if ends and (not end or columns(text[:at]) <= room):
             end = at
-    return text[:end] if end else cut(text, room)
+    return text[:end] if end else text

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import NamedTuple
 
 from ds47 import spec
 from ds47.parameters.catalogue import Catalogue
 from ds47.parameters.lists import ListedMessage, ListedParameter, ParameterList
 from ds47.profidrive.naming import WRITABLE, spelled
-from ds47.report.bilingual import say
+from ds47.report.bilingual import LANGUAGES, say
 from ds47.report.formatting import escape
 from ds47.spec import explanations
 
@@ -103,16 +104,19 @@ def _letters(text: str) -> str:
 
 
 def _search(text: str, catalogue: Catalogue, lang: str) -> Iterator[SourceEntry]:
+    """Parameters with a word in their names, in any language: who reads Chinese knows `ramp`, too."""
     wanted = _letters(text)
     numbers = sorted({*spec.parameters(), *catalogue.numbers()})
     all_ = (
-        each
+        forms
         for number in numbers
-        for each in (*_shipped(number, lang), *_of_lists(catalogue, number, lang))
+        for forms in (
+            *zip(*(_shipped(number, each) for each in (lang, *LANGUAGES)), strict=True),
+            *((each,) for each in _of_lists(catalogue, number, lang)),
+        )
     )
-    found = (each for each in all_ if wanted in _letters(each.name))
-    for each, _ in zip(found, range(_MOST), strict=False):
-        yield each
+    found = (forms[0] for forms in all_ if any(wanted in _letters(each.name) for each in forms))
+    yield from islice(found, _MOST)
 
 
 def about(found: ParameterList, lang: str) -> str:

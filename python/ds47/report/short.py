@@ -1,6 +1,7 @@
 """A capture as text in few lines: 40 on a terminal, 12 as `--summary`. `ds47.report.digest` says what is in them.
 
-No line is wider than the terminal: a sentence is broken or cut. `ds47.report.text` has the whole report.
+No line is wider than the terminal, and no sentence is cut: it is broken, or said in fewer words.
+`ds47.report.text` has the whole report.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from ds47.report.bilingual import Both, say
 from ds47.report.digest import Digest, ShortCause, Who, first_sentences
 from ds47.report.formatting import escape
 from ds47.report.summary import COLORS, WIDTH, station, whose
-from ds47.report.wrap import columns, cut, end_of, fitted, wrap
+from ds47.report.wrap import columns, end_of, fitted, wrap
 from ds47.spec.shell import shell_word
 
 LINES: Final = 40
@@ -25,11 +26,9 @@ SUMMED: Final = 3
 """and in a summary."""
 _DRIVES: Final = 3
 _SENTENCE: Final = 3
-"""Lines of the sentence of a cause,"""
+"""Lines of the sentence of a cause, which is said in brief if it needs more,"""
 _ADVICE: Final = 2
-"""and of its advice."""
-_HEAD: Final = 2
-"""Lines of the verdict in a summary."""
+"""and of its advice, unless its first sentence needs more."""
 _LISTED: Final = 12
 """Lines of the transactions on a screen of what somebody asked for,"""
 _FEWER: Final = 2
@@ -79,12 +78,10 @@ class Short:
             yield from ("", self._paint("bold", self._say("to_do_head")))
         for each in digest.causes[:number]:
             yield from self._cause(each)
-        left_out = digest.left_out + sum(1 + each.alike for each in digest.causes[number:])
-        if left_out:
-            yield self._dim("  " + self._say("short_more", n=left_out))
+        yield from self._rest(digest, number)
         if rows:
             yield from ("", self._paint("bold", self._say("transactions_head")))
-            yield from map(self._cut, rows)
+            yield from rows
         if digest.drives:
             yield from ("", self._paint("bold", self._say("drives_head")))
             yield from self._drives(digest.drives, _DRIVES)
@@ -106,42 +103,44 @@ class Short:
             yield self._dim("  " + self._say("more", number=str(len(asked) - shown)))
 
     def summary(self, digest: Digest) -> list[str]:
-        """At most 12 lines: verdict, three causes, who, when."""
-        head = digest.verdict.text(self._lang)
-        mirror = say("verdict_mirror") if digest.counts.nothing else None
-        heads = wrap(head, self._whole)
-        if len(heads) > _HEAD:
-            heads = [heads[0].rstrip(), self._cut("    " + " ".join(map(str.strip, heads[1:])))]
-        lines = [self._title(digest), *(self._paint(COLORS[digest.level], each) for each in heads)]
-        lines += [
-            self._cut(f"  {each.text(self._lang)}")
-            for each in (mirror, digest.there, digest.when, digest.narrowed, digest.expected)
-            if each
-        ]
-        last = (
-            [self._cut("  " + self._say("short_more", n=digest.left_out))]
-            if digest.left_out
-            else []
+        """At most 12 lines: verdict, three causes, who, when. What has no room is left out as a whole.
+
+        First the words become fewer, then what is there goes (verdict and drives say most of it), then
+        advice, then a cause.
+        """
+        plans = (
+            (number, advised, there, brief)
+            for number in range(len(digest.causes), -1, -1)
+            for advised in range(number, -1, -1)
+            for there in (digest.there, None)
+            for brief in (False, True)
         )
-        last += self._drives(digest.drives, 1)
-        advised = SUMMARY - len(lines) - len(digest.causes) - len(last)
-        for number, each in enumerate(digest.causes):
-            where = f" ({self._say('frame', frame=each.number)})" if each.number else ""
-            room = self._whole - columns(where)
-            lines.append(cut(f"  {self._sentence(each)}", room) + where)
-            if number < advised:
-                advice = first_sentences(each.advice.text(self._lang), self._whole - 7)
-                lines.append(self._cut(f"    -> {advice}"))
-        return [*lines, *last][:SUMMARY]
+        for number, advised, there, brief in plans:
+            lines = list(self._top(digest._replace(there=there)))
+            for each in filter(None, (digest.narrowed, digest.expected)):
+                lines += fitted("  " + each.text(self._lang), self._whole)
+            for at, cause in enumerate(digest.causes[:number]):
+                lines += self._summed(cause, 1 if brief else _SENTENCE, advised=at < advised)
+            lines += self._rest(digest, number)
+            lines += self._drives(digest.drives, 1, brief=brief)
+            if len(lines) <= SUMMARY:
+                return lines
+        return lines[:SUMMARY]
+
+    def _summed(self, cause: ShortCause, at_most: int, *, advised: bool) -> Iterator[str]:
+        """A cause in a summary."""
+        where = f" ({self._say('frame', frame=cause.number)})" if cause.number else ""
+        for number, line in enumerate(self._sentence(cause, self._whole - 4, at_most, where)):
+            yield ("    " if number else "  ") + line
+        if advised:
+            advice = first_sentences(cause.advice.text(self._lang), self._whole - 7)
+            yield from ("    " + line for line in wrap("-> " + advice, self._whole - 4, 3))
 
     def _say(self, key: str, **values: object) -> str:
         return say(key, **values).text(self._lang)
 
     def _dim(self, text: str) -> str:
         return self._paint("dim", text)
-
-    def _cut(self, text: str) -> str:
-        return cut(text, self._whole)
 
     def _title(self, digest: Digest) -> str:
         frames, path = self._say("frames", n=digest.counts.frames), escape(digest.path)
@@ -162,26 +161,42 @@ class Short:
         for each in filter(None, (mirror, digest.there, digest.when)):
             yield from fitted("  " + each.text(self._lang), self._whole)
 
-    def _sentence(self, cause: ShortCause) -> str:
-        severity = say(f"severity_{cause.severity}")
-        line = say("short_cause", rule=cause.rule, severity=severity, message=cause.message)
-        return " ".join(filter(None, [line.text(self._lang), _text(cause.times, self._lang)]))
+    def _sentence(self, cause: ShortCause, room: int, at_most: int, where: str = "") -> list[str]:
+        """What a cause says, in so many lines; in brief where that needs more."""
+        lines = []
+        for message in (cause.message, cause.brief):
+            severity = say(f"severity_{cause.severity}")
+            line = say("short_cause", rule=cause.rule, severity=severity, message=message)
+            told = " ".join(filter(None, [line.text(self._lang), _text(cause.times, self._lang)]))
+            lines.append(wrap(told + where, room))
+            if len(lines[-1]) <= at_most:
+                break
+        return min(lines, key=len) if len(lines[-1]) > at_most else lines[-1]
+
+    def _rest(self, digest: Digest, number: int) -> Iterator[str]:
+        """How many causes there are besides the first ones."""
+        left_out = digest.left_out + sum(1 + each.alike for each in digest.causes[number:])
+        if left_out:
+            yield self._dim("  " + self._say("short_more", n=left_out))
 
     def _cause(self, cause: ShortCause) -> Iterator[str]:
         room = self._width - 4
-        for number, line in enumerate(_first_lines(self._sentence(cause), room, _SENTENCE)):
+        for number, line in enumerate(self._sentence(cause, room, _SENTENCE)):
             yield ("    " if number else "  ") + self._paint(cause.severity, line)
         advice = first_sentences(cause.advice.text(self._lang), _ADVICE * (room - 8))
-        for line in _first_lines("-> " + advice, room, _ADVICE, 3):
+        for line in wrap("-> " + advice, room, 3):
             yield "    " + line
         if cause.where is not None:
-            yield self._dim("    " + self._say("look_at_first", frame=cause.where))
+            yield from fitted("    " + self._say("look_at_first", frame=cause.where), self._whole)
 
-    def _drives(self, drives: Sequence[Who], most: int) -> Iterator[str]:
+    def _drives(self, drives: Sequence[Who], most: int, *, brief: bool = False) -> Iterator[str]:
         for each in drives[:most]:
-            device = escape(each.device.ip) + station(each.device)
-            rest = whose(each.device, self._lang)
-            yield self._cut(f"  {device}  {each.words(self._lang)}{rest}")
+            device = f"  {escape(each.device.ip)}{station(each.device)}  "
+            said = device + each.words(self._lang)
+            whole = said + whose(each.device, self._lang)
+            short = device + each.total.text(self._lang) if brief else said
+            fits = (line for line in (whole, said) if columns(line) <= self._whole)
+            yield from fitted(next(fits, short), self._whole)
         if len(drives) > most:
             yield "  " + self._say("more_drives", n=len(drives) - most)
 
@@ -192,15 +207,6 @@ class Short:
         known = (page, everything) if digest.narrowed is None else ()
         fit: Iterator[str] = (each.text(self._lang) for each in (*known, say("short_same")))
         return next(line for line in fit if columns(line) <= self._whole)
-
-
-def _first_lines(text: str, room: int, most: int, hanging: int = 0) -> list[str]:
-    """The text in lines; what needs more of them is left out at the end of the last one."""
-    lines = wrap(text, room, hanging)
-    if len(lines) > most:
-        rest = " ".join(line.strip() for line in lines[most - 1 :])
-        lines[most - 1 :] = [" " * hanging + cut(rest, room - hanging)]
-    return lines
 
 
 def _text(text: Both | None, lang: str) -> str:

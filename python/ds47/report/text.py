@@ -43,7 +43,7 @@ from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
 from ds47.report.targets import Targets
 from ds47.report.verdict import VerdictCounts
-from ds47.report.wrap import columns, cut, end_of, fitted, wrap
+from ds47.report.wrap import columns, end_of, fitted, wrap
 from ds47.spec.cyclic import telegrams
 
 if TYPE_CHECKING:
@@ -205,25 +205,43 @@ class Writer(_Writer):
 
     def _sum_up(self, sums: dict[str, Any]) -> None:
         """All captures in 12 lines: the verdict, the most frequent causes, the worst captures."""
-        from ds47.report.short import SUMMED
+        from ds47.report.short import SUMMARY, SUMMED
 
-        lang, width, rules = self.options.lang, self.options.columns, self.options.rules
-        self._title(self._say("summary_all", n=len(self._rows)))
-        self._copied(self._opening.verdict(self._counts, width))
-        self._copied(cut("  " + told_sums(sums, str)[0].text(lang), width))
-        for each in sums["to_do"][:SUMMED]:
-            rule = rules.get(each["rule"])
-            line = causes.headline(each, rule.name if rule else "").text(lang)
-            self._copied(cut(f"  {line}", width))
         worst = sorted((row for row in self._rows if not row.quiet), key=CaptureRow.badness)
-        for row in worst[:SUMMED]:
+        told = told_sums(sums, str)[0].text(self.options.lang)
+        plans = ((most, first) for most in range(SUMMED, -1, -1) for first in ([told], []))
+        for most, total_of_all in plans:
+            lines = list(self._summed_up(total_of_all, sums["to_do"][:most], worst, most))
+            if len(lines) <= SUMMARY:
+                break
+        for each in lines[:SUMMARY]:
+            self._copied(each)
+
+    def _summed_up(
+        self,
+        told: Sequence[str],
+        to_do: Sequence[dict[str, Any]],
+        worst: Sequence[CaptureRow],
+        most: int,
+    ) -> Iterator[str]:
+        """The same with so many captures, in lines that fit."""
+        width, rules = self.options.columns, self.options.rules
+        yield self._paint("bold", self._say("summary_all", n=len(self._rows)))
+        yield from fitted(self._opening.verdict(self._counts), width)
+        heads = [
+            causes.headline(each, rule.name if rule else "").text(self.options.lang)
+            for each in to_do
+            for rule in (rules.get(each["rule"]),)
+        ]
+        yield from (line for each in (*told, *heads) for line in fitted(f"  {each}", width))
+        for row in worst[:most]:
             not_ok = row.transactions - row.states.get("ok", 0)
             counts = self._say(
                 "sum_worst", n=row.transactions, bad=not_ok, errors=row.findings.get("error", 0)
             )
-            self._copied(f"  {end_of(escape(row.path), width - columns(counts) - 4)}: {counts}")
-        if left_out := worst[SUMMED:]:
-            self._copied("  " + self._say("worst_more", n=len(left_out)))
+            yield f"  {end_of(escape(row.path), width - columns(counts) - 4)}: {counts}"
+        if left_out := worst[most:]:
+            yield "  " + self._say("worst_more", n=len(left_out))
 
     def _line(self, text: str = "") -> None:
         for line in fitted(text, self.options.columns):

@@ -6,6 +6,7 @@ no server.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from functools import cache
@@ -17,6 +18,7 @@ from markupsafe import Markup, escape
 from ds47.report.bilingual import LANGUAGES, Both, filled, joined
 from ds47.spec.reporting import command_words, report_words
 
+_AR = re.compile("(?<![A-Za-z0-9_-])AR(?![A-Za-z0-9_-])")
 _FOR_SCRIPT = ("js_", "state_", "about_", "operation_", "term_")
 
 __all__ = ["LANGUAGES", "Both", "PageWords", "joined", "say", "texts"]
@@ -45,10 +47,14 @@ class PageWords:
         return self.pair(say(key, **values))
 
     def pair(self, text: Both) -> Markup:
-        """The same for a `Both`."""
+        """The same for a `Both`; an AR is explained where it is named."""
         if text.en == text.zh:
             return escape(text.en)
-        return Markup('<span lang="en">{}</span><span lang="zh">{}</span>').format(*text)
+        both = Markup('<span lang="en">{}</span><span lang="zh">{}</span>').format(*text)
+        if "AR" not in both:
+            return both
+        explained = f"<abbr {self.terms('application_relation')}>AR</abbr>"
+        return Markup(_AR.sub(lambda _: explained, both))
 
     def attributes(self, name: str, key: str, **values: Any) -> Markup:
         """An attribute (title, aria-label, placeholder); the script updates it when the language changes."""
