@@ -72,7 +72,7 @@ class Run:
     def missing(self, text: str) -> None:
         """Says what could not be read, or not as a whole."""
         self.failed = True
-        self._progress.warn(text)
+        self._progress.warn(f"error: {text}")
 
     def here(self, tasks: Sequence[Task], analyze: Analyzer) -> None:
         """Analyses one after the other, in this process."""
