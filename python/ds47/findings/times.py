@@ -7,13 +7,17 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left
-from typing import TYPE_CHECKING, Final
-
-if TYPE_CHECKING:
-    from ds47.capture import Frame
+from typing import Final, Protocol
 
 NO_CLOCK: Final = 2**63 - 1
 """Nanoseconds that no clock shows: a time beyond is a number in a broken file."""
+
+
+class Timed(Protocol):
+    """A frame, as far as it matters here."""
+
+    number: int
+    time_ns: int
 
 
 class FrameTimes:
@@ -26,7 +30,7 @@ class FrameTimes:
     def __init__(self, room: int) -> None:
         self.room = room
         self.seen = array("q")
-        self.newest: Frame | None = None
+        self.newest: Timed | None = None
 
     def of(self, number: int) -> int | None:
         """Nanoseconds since 1970; None where it is not known."""
