@@ -41,6 +41,7 @@ local NO_FRAME_ID = 0 -- frames of PROFIBUS have stations alone
 local NONE = {}
 
 local options -- a function that gives the options of a new analysis
+local begin_anew -- a function that forgets everything, here and elsewhere
 local current -- the analysis of the open file; nil before its first packet
 local last -- number of the newest frame that was fed
 local complete -- views, findings and drives by frame of the complete result; nil after a packet
@@ -63,8 +64,8 @@ local address_pairs = entries(function(raw)
 end, MOST_TEXTS)
 
 --- Tells where the options of an analysis, and the language of what is shown, come from: a function that is
--- asked for each new file.
-function M.configure(get_options) options = get_options end
+-- asked for each new file; and one that forgets everything.
+function M.configure(get_options, forget) options, begin_anew = get_options, forget end
 
 --- Forgets everything: another file, other preferences.
 function M.reset()
@@ -190,9 +191,15 @@ local function dissect(frame, offset)
 end
 
 --- Whether a frame is to be fed: it is new. In the first of two passes a frame that a read filter drops
--- leaves its number to the next one.
+-- leaves its number to the next one. One that was never dissected and has frames behind it that were, as in
+-- sharkd where somebody asked for those first, begins all anew: frames count in their order alone.
 -- @param pinfo what Wireshark knows of the frame
-function M.is_new(number, pinfo) return number > last or (number == last and not pinfo.visited) end
+function M.is_new(number, pinfo)
+  if number > last then return true end
+  if pinfo.visited then return false end
+  if number < last then begin_anew() end
+  return true
+end
 
 --- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might; and of a copy the frame of
 -- which it is one.
