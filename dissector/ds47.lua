@@ -263,6 +263,7 @@ end
 
 -- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
 function ds47_bus.dissector(tvb, pinfo, tree)
+  collector.called()
   local number, is_new = pinfo.number, track.is_new(pinfo.number, pinfo)
   local reading = wanted_fields.reading(tree, number, is_new)
   local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
@@ -295,13 +296,14 @@ local function dissect_again(tvb, pinfo, tree, number, offset)
 end
 
 function ds47.dissector(tvb, pinfo, tree)
-  collector.called()
   if on_bus then
     on_bus = false
     return
   end
+  collector.called()
   local ip = ip_field()
   if ip == nil then
+    if track.unasked then track.pass_over(pinfo) end
     if track.hears_stations then track.hear_station(pinfo.number, tvb:raw()) end
     if track.watching then dissect_cyclic(tvb, pinfo, tree) end
     return

@@ -21,7 +21,8 @@ local PILE_SHARE, LARGE_SHARE, LARGE = 0.15, 1, 8192 -- kB
 local OWN_PAUSE = 400 -- per cent of what is alive, where Lua collects all: its own pace
 local OWN_YOUNG, OWN_OLD = 100, 100 -- per cent by which that grows, where it collects the young ones
 
-local calls, next_look, enough = 0, LOOK_EVERY, 0
+M.calls = 0 -- of dissectors: frames that were dissected
+local next_look, enough = LOOK_EVERY, 0
 
 if YOUNG then
   collect("generational", OWN_YOUNG, OWN_OLD)
@@ -50,12 +51,10 @@ end
 
 local collect_now = YOUNG and collect_young or M.collect_all
 
---- How many calls there were.
-function M.calls() return calls end
-
---- To be called once for every call of a dissector.
+--- To be called once for every frame.
 function M.called()
-  calls = calls + 1
+  local calls = M.calls + 1
+  M.calls = calls
   if calls >= next_look then
     next_look = calls + LOOK_EVERY
     if collect("count") >= enough then collect_now() end

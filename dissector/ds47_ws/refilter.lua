@@ -32,7 +32,7 @@ local get_lang
 
 --- Forgets all: frames are dissected anew.
 function M.reset()
-  M.wanted, applied, silent, waiting, seen = false, 0, 0, 0, collector.calls()
+  M.wanted, applied, silent, waiting, seen = false, 0, 0, 0, collector.calls
 end
 
 M.reset()
@@ -59,7 +59,7 @@ local function is_over(came)
 end
 
 local function look()
-  local came, filter = collector.calls() - seen, get_filter()
+  local came, filter = collector.calls - seen, get_filter()
   silent = came == 0 and silent + 1 or 0
   if M.wanted and is_over(came) and is_ours(filter) then
     M.wanted, applied, waiting = false, applied + 1, 0
@@ -70,7 +70,7 @@ local function look()
     waiting = waiting + 1
     if waiting == LONG then tell("list_partly") end
   end
-  seen, text = collector.calls(), filter
+  seen, text = collector.calls, filter
 end
 
 local listen
