@@ -43,13 +43,14 @@ local function tell(key)
   if window then pcall(window.set, window, say(get_lang(), key) .. "\n") end -- the user may have closed it
 end
 
--- Whether this is a filter of ours, perhaps in a macro, and not half typed: it stood there at the last draw,
--- and Wireshark takes it.
-local function is_ours(filter)
-  if filter ~= text or not filter:find("ds47", 1, true) and not filter:find("$", 1, true) then return false end
+-- Whether this is a filter of ours, perhaps in a macro.
+local function is_ours(filter) return filter:find("ds47", 1, true) ~= nil or filter:find("$", 1, true) ~= nil end
+
+-- Whether nobody is typing it: it stood there at the last draw, and Wireshark takes it.
+local function is_typed(filter)
   local known, listener = pcall(Listener.new, "frame", filter)
   if known then listener:remove() end
-  return known
+  return known and filter == text
 end
 
 -- Whether all frames are there.
@@ -61,14 +62,16 @@ end
 local function look()
   local came, filter = collector.calls - seen, get_filter()
   silent = came == 0 and silent + 1 or 0
-  if M.wanted and is_over(came) and is_ours(filter) then
-    M.wanted, applied, waiting = false, applied + 1, 0
-    set_filter(filter) -- without it the filter is cleared
-    apply_filter()
-    tell("list_complete")
-  elseif M.wanted and filter ~= "" then
-    waiting = waiting + 1
-    if waiting == LONG then tell("list_partly") end
+  if M.wanted and is_ours(filter) then
+    if is_over(came) and is_typed(filter) then
+      M.wanted, applied, waiting = false, applied + 1, 0
+      set_filter(filter) -- without it the filter is cleared
+      apply_filter()
+      tell("list_complete")
+    else
+      waiting = waiting + 1
+      if waiting == LONG then tell("list_partly") end
+    end
   end
   seen, text = collector.calls, filter
 end
