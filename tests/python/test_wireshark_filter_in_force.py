@@ -20,7 +20,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 CAPTURES = ROOT / "captures"
-FIRST, NEXT = (CAPTURES / "real-stacks" / name for name in ("o3_two_controllers.pcapng", "o2_pyprofinet_le.pcapng"))
+FIRST, NEXT = (
+    CAPTURES / "real-stacks" / name
+    for name in ("o3_two_controllers.pcapng", "o2_pyprofinet_le.pcapng")
+)
 PROGRAM = os.environ.get("DS47_WIRESHARK", "wireshark")
 SIZE = (1366, 720)
 COUNTS = "600x24+766+696"
