@@ -44,7 +44,7 @@ local function tell(key)
 end
 
 -- Whether this is a filter of ours, perhaps in a macro.
-local function is_ours(filter) return filter:find("ds47", 1, true) ~= nil or filter:find("$", 1, true) ~= nil end
+local function is_ours(filter) return filter:find("ds47", 1, true) or filter:find("$", 1, true) end
 
 -- Whether nobody is typing it: it stood there at the last draw, and Wireshark takes it.
 local function is_typed(filter)

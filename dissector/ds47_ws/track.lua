@@ -208,7 +208,8 @@ function M.is_new(number, pinfo)
   local since = collector.calls - noted -- frames that were dissected, this one too: those in front of it
   noted, M.unasked = collector.calls, false
   if number > last then
-    local is_next = number - since <= reached or not pinfo.visited -- sharkd has visited all when it loads them
+    -- sharkd has visited all frames when it has loaded them
+    local is_next = number - since <= reached or not pinfo.visited
     if is_next and number > reached then reached = number end
     return true
   elseif reached < last and (number <= since or number > reached and number < last) then

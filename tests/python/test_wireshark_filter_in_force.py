@@ -26,7 +26,7 @@ FIRST, NEXT = (
 )
 PROGRAM = os.environ.get("DS47_WIRESHARK", "wireshark")
 SIZE = (1366, 720)
-COUNTS = "600x24+766+696"
+COUNTS = "280x20+870+699"
 """Where the status bar says how many frames are displayed."""
 NOT_OK = 'ds47.state != "ok"'
 SHIFT_BY, APPLY = (640, 219), (810, 425)
@@ -38,7 +38,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.plugin]
 def tool() -> Any:
     """tools/window.py."""
     spec = importlib.util.spec_from_file_location("ds47_window", ROOT / "tools/window.py")
-    assert spec and spec.loader
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
@@ -69,7 +70,9 @@ def settled(shark: Any) -> bytes:
         shark.wait_until_loaded()
         target = shark.work / "counts.png"
         shark.picture(target, crop=COUNTS)
-        drawn = subprocess.run(["convert", target, "gray:-"], capture_output=True, check=True)
+        drawn = subprocess.run(
+            ["convert", target, "-threshold", "60%", "gray:-"], capture_output=True, check=True
+        )
         seen.append(drawn.stdout)
         if len(seen) > 2 and len(set(seen[-3:])) == 1:
             return seen[-1]

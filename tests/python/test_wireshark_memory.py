@@ -1,7 +1,7 @@
 """Memory of tshark with the plugin: cyclic frames without news must leave nothing behind.
 
-What piles up between two collections of Lua must not grow with the file: once it was counted as alive, and so doubled
-itself.
+What piles up between two collections of Lua must not grow with the file: once it was counted as alive, and so
+doubled itself.
 """
 
 from __future__ import annotations
@@ -51,5 +51,4 @@ def test_cyclic_frames_leave_nothing_behind(
         make_noise.write(capture, frames)
         used.append(peak(capture, tmp_path))
         capture.unlink()
-    print(used)
     assert used[1] - used[0] < KEPT, used
