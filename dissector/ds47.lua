@@ -49,6 +49,7 @@ local later = require("ds47.support.later").module
 local lists = require("ds47_ws.lists")
 local passes = require("ds47_ws.passes")
 local preferences = require("ds47_ws.preferences")
+local refilter = require("ds47_ws.refilter")
 local tables = require("ds47.spec.tables")
 local track = require("ds47_ws.track")
 local wanted_fields = require("ds47_ws.wanted")
@@ -76,7 +77,6 @@ end)
 local bus_info = later("ds47.report.profibus")
 local experts_of = later("ds47_ws.experts")
 local words_of = later("ds47_ws.pkw_tree")
-track.configure(function() return preferences.options(ds47) end)
 
 -- A frame of cyclic data costs one of these, as long as it has no parameter channel: it has no IP.
 local ip_field = Field.new("ip")
@@ -179,6 +179,7 @@ local function is_wanted(tree, dissector, reading)
     found = tree:referenced(dissector)
     if reading then reading.protocols[dissector] = found end
   end
+  if found and reading and reading.is_new then refilter.wanted = true end
   return found
 end
 
@@ -239,9 +240,9 @@ local function look_at_bus(tvb, pinfo, is_new, wanted)
 end
 
 -- What a frame of PROFIBUS says itself.
-local function show_bus(item, tvb, columns, tree)
+local function show_bus(item, tvb, columns, tree, reading)
   if columns then bus_tree_of.set_columns(columns, item, track.lang) end
-  if tree:referenced(bus_dissector) then
+  if is_wanted(tree, bus_dissector, reading) then
     bus_tree_of.add(tree, tvb, item, track.lang)
   elseif item.flaws[1] then
     bus_tree_of.add_experts(tree, item, track.lang)
@@ -262,6 +263,7 @@ end
 
 -- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
 function ds47_bus.dissector(tvb, pinfo, tree)
+  collector.called()
   local number, is_new = pinfo.number, track.is_new(pinfo.number, pinfo)
   local reading = wanted_fields.reading(tree, number, is_new)
   local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
@@ -271,7 +273,7 @@ function ds47_bus.dissector(tvb, pinfo, tree)
     return tvb:len()
   end
   on_bus = true
-  show_bus(item, tvb, columns, tree)
+  show_bus(item, tvb, columns, tree, reading)
   local at, place = bus_info.data_start(item), track.bus_place(item)
   if views then show(views, findings, events, tvb, columns, tree, at, whole, reading) end
   if place and is_wanted(tree, words_dissector, reading) then
@@ -294,13 +296,14 @@ local function dissect_again(tvb, pinfo, tree, number, offset)
 end
 
 function ds47.dissector(tvb, pinfo, tree)
-  collector.called()
   if on_bus then
     on_bus = false
     return
   end
+  collector.called()
   local ip = ip_field()
   if ip == nil then
+    if track.unasked then track.pass_over(pinfo) end
     if track.hears_stations then track.hear_station(pinfo.number, tvb:raw()) end
     if track.watching then dissect_cyclic(tvb, pinfo, tree) end
     return
@@ -331,11 +334,14 @@ local function begin_anew()
   encapsulations.register(ds47_bus, ds47.prefs.profibus_user0)
   clock.reset()
   passes.reset()
+  refilter.reset()
   wanted_fields.reset()
   track.reset()
   track.begin()
   collector.collect_all()
 end
+
+track.configure(function() return preferences.options(ds47) end, begin_anew)
 
 function ds47.init()
   this_dissector = this_dissector or Dissector.get("ds47")
@@ -359,5 +365,6 @@ function stations.draw()
 end
 
 require("ds47_ws.stats").register(track, arguments)
+if WINDOW then refilter.begin(function() return track.lang end) end
 require("ds47_ws.menu").register(track, { version = tables.version, path = source })
 if WINDOW and register_packet_menu then require("ds47_ws.packet_menu").register(track) end -- 4.0 has none

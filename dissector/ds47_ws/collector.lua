@@ -21,7 +21,8 @@ local PILE_SHARE, LARGE_SHARE, LARGE = 0.15, 1, 8192 -- kB
 local OWN_PAUSE = 400 -- per cent of what is alive, where Lua collects all: its own pace
 local OWN_YOUNG, OWN_OLD = 100, 100 -- per cent by which that grows, where it collects the young ones
 
-local calls, enough = 0, 0
+M.calls = 0 -- of dissectors: frames that were dissected
+local next_look, enough = LOOK_EVERY, 0
 
 if YOUNG then
   collect("generational", OWN_YOUNG, OWN_OLD)
@@ -34,6 +35,10 @@ end
 function M.collect_all()
   collect()
   local alive = collect("count")
+  if alive >= LARGE then -- what was closed just now still counts: the pile would double itself
+    collect()
+    alive = collect("count")
+  end
   enough = alive + math.max(PILE, alive * (alive < LARGE and PILE_SHARE or LARGE_SHARE))
 end
 
@@ -46,11 +51,12 @@ end
 
 local collect_now = YOUNG and collect_young or M.collect_all
 
---- To be called once for every call of a dissector.
+--- To be called once for every frame.
 function M.called()
-  calls = calls + 1
-  if calls >= LOOK_EVERY then
-    calls = 0
+  local calls = M.calls + 1
+  M.calls = calls
+  if calls >= next_look then
+    next_look = calls + LOOK_EVERY
     if collect("count") >= enough then collect_now() end
   end
 end

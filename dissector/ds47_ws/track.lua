@@ -2,12 +2,14 @@
 --
 -- A frame is fed once, in the order of the file. A frame that comes again (a second pass, a click) changes
 -- nothing: it is drawn from the complete result. Whether a frame is new is told by its number alone, because
--- in the first of two passes Wireshark may give no fields, and then the second one is the first for us.
+-- in the first of two passes Wireshark may give no fields, and then the second one is the first for us. Who
+-- asks for a frame before those in front of it (in sharkd) makes all begin anew when those come.
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
 local arrays = require("ds47.support.arrays")
 local bus = require("ds47.profibus.bus")
+local collector = require("ds47_ws.collector")
 local dp = require("ds47.profibus.dp")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local drives = require("ds47_ws.drives")
@@ -41,8 +43,11 @@ local NO_FRAME_ID = 0 -- frames of PROFIBUS have stations alone
 local NONE = {}
 
 local options -- a function that gives the options of a new analysis
+local begin_anew -- a function that forgets everything, here and elsewhere
 local current -- the analysis of the open file; nil before its first packet
 local last -- number of the newest frame that was fed
+local reached -- number of a frame up to which all came one behind the other
+local noted -- how many frames had been dissected when it was asked last whether one is new (`unasked`: never)
 local complete -- views, findings and drives by frame of the complete result; nil after a packet
 local known_relations -- how many there are in cyclic frames
 local stations -- what names stations and waits
@@ -63,12 +68,13 @@ local address_pairs = entries(function(raw)
 end, MOST_TEXTS)
 
 --- Tells where the options of an analysis, and the language of what is shown, come from: a function that is
--- asked for each new file.
-function M.configure(get_options) options = get_options end
+-- asked for each new file; and one that forgets everything.
+function M.configure(get_options, forget) options, begin_anew = get_options, forget end
 
 --- Forgets everything: another file, other preferences.
 function M.reset()
   current, last, complete, known_relations = nil, 0, nil, 0
+  reached, noted, M.unasked = 0, collector.calls, true
   M.watching = false -- whether there are cyclic frames that are looked at
   M.has_drives = false -- whether there may be drives in them
   stations, newest_station, told = {}, 0, {}
@@ -189,10 +195,30 @@ local function dissect(frame, offset)
   return head_of(frame, begin, texts[1], texts[2]), begin, stop, i1 * 256 + i2
 end
 
+--- Passes over a frame that comes before it was asked whether one is new: where it has no fields, as in the
+-- first of two passes or when sharkd loads a file, it does not count as one that came.
+function M.pass_over(pinfo)
+  if not pinfo.visited then noted = collector.calls end
+end
+
 --- Whether a frame is to be fed: it is new. In the first of two passes a frame that a read filter drops
 -- leaves its number to the next one.
 -- @param pinfo what Wireshark knows of the frame
-function M.is_new(number, pinfo) return number > last or (number == last and not pinfo.visited) end
+function M.is_new(number, pinfo)
+  local since = collector.calls - noted -- frames that were dissected, this one too: those in front of it
+  noted, M.unasked = collector.calls, false
+  if number > last then
+    -- sharkd has visited all frames when it has loaded them
+    local is_next = number - since <= reached or not pinfo.visited
+    if is_next and number > reached then reached = number end
+    return true
+  elseif reached < last and (number <= since or number > reached and number < last) then
+    begin_anew()
+    reached, M.unasked = number <= since and number or 0, false
+    return true
+  end
+  return number == last and not pinfo.visited
+end
 
 --- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might; and of a copy the frame of
 -- which it is one.

@@ -122,3 +122,19 @@ def test_a_tree_is_whole_behind_rows(ask: Ask) -> None:
     assert any(line.startswith("Parameter number (PNU): 50303") for line in shown)
     assert any(line.startswith("Write request: ") for line in shown)
     assert again["tree"] == frame["tree"]
+
+
+REFUSED = {"filter": 'ds47.state == "refused"'}
+
+
+@pytest.mark.parametrize("first", [[33], [33, 6], [33, 9, 21], [21, 33, 5]])
+def test_a_frame_out_of_order_does_not_spoil_the_session(ask: Ask, first: list[int]) -> None:
+    """Frames count in their order: one that is asked for first must not be the only one that is known."""
+    rows, again = ("frames", {}), ("frames", REFUSED)
+    *_, right_rows, right = ask(rows, rows, again)
+    early = [("frame", {"frame": number, "proto": True}) for number in first]
+    *trees, _, shown, refused = ask(*early, rows, rows, again)
+    assert [each["c"] for each in shown] == [each["c"] for each in right_rows]
+    assert numbers(refused) == numbers(right) != []
+    if first[1:] == [6]:  # a request, which says by itself what it is
+        assert [node for node in trees[1]["tree"] if node["l"].startswith("DS47")]

@@ -16,7 +16,11 @@ from fake_tshark import real_tshark
 ROOT = Path(__file__).resolve().parents[2]
 PLUGIN = ROOT / "dissector/ds47.lua"
 CAPTURE = ROOT / "captures/tour-machine.pcapng"
-IN_A_WINDOW = "_G.gui_enabled = function() return true end\ndofile(...)\n"
+IN_A_WINDOW = """
+_G.gui_enabled = function() return true end
+_G.get_filter = function() return "" end
+dofile(...)
+"""
 ADVICE = "[Second pass: later frames may add"
 """The beginning of a line that nobody needs who has a window."""
 COMPLAINTS = ("Lua Error", "Lua: Error", "Error during loading")
