@@ -442,6 +442,8 @@ def _read_length(case: Case) -> Iterator[str]:
     if more not in (None, "mlen_whole") or (more is None) != (whole is None):
         yield f"{more!r} says nothing of {whole!r}"
     elif more is not None:
+        if not deal.fits:
+            yield "it is the response to another request"
         sums = {4}
         for lengths in _lengths(case, deal):
             sums = {each + length for each in sums for _, length in lengths}

@@ -168,6 +168,18 @@ def test_a_response_that_ends_at_mlen_was_cut(
     assert mlen(read_with(stated, asked, answer[:stated])) == expected
 
 
+def test_of_the_response_to_another_request_nobody_knows_what_all_of_it_has() -> None:
+    case = read_with(10, READ_ARRAY, REALS[:10])
+    assert mlen(case) == {"asked": 10, "need": 22}
+    asked = message.read(1, 1, ARRAY, ARRAY)
+    assert mlen(read_with(10, asked, REALS[:10])) == {
+        "asked": 10, "need": 22, "more": "mlen_whole", "whole": 40,
+    }  # fmt: skip
+    case = read_with(10, asked, REALS[:10])
+    case.stray = True
+    assert mlen(case) == {"asked": 10, "need": 22}
+
+
 def test_a_response_that_ends_elsewhere_was_not_cut_to_mlen() -> None:
     assert mlen(read_with(12, READ_ARRAY, REALS[:10])) is None
     assert mlen(read_with(8, READ_ARRAY, REALS[:10])) is None

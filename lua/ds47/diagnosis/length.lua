@@ -112,7 +112,7 @@ end
 -- Bytes of a response with all values, where it is known and more than `need`.
 local function whole(job, need, read)
   local message, bytes = job.message, HEADER
-  if message == nil or message.operation ~= "read" then return nil end
+  if message == nil or message.operation ~= "read" or rules.is_mismatch(job) then return nil end
   local shown = shown_by(message, job.response.blocks, read)
   for number, address in ipairs(message.addresses) do
     local size = block_size(address, job.response.blocks[number], shown)

@@ -91,7 +91,7 @@ def answer_cut(job: Job, read: SizeOf) -> Iterator[Remark]:
         pad = any(each.rule == NO_PAD and each.offset == flaw.offset for each in job.response.flaws)
         need = len(answer.data) + pad + int(flaw.args["need"])
         args: dict[str, Any] = {"asked": asked.stated, "need": need}
-        if job.message is not None and job.message.operation == "read":
+        if job.message is not None and job.message.operation == "read" and not job.stray:
             blocks = job.response.blocks
             sizes = list(_block_sizes(job.message, blocks, _shown(job.message, blocks, read)))
             known_sizes = [size for size in sizes if size is not None]
