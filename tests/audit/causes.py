@@ -13,7 +13,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import cache
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -439,35 +439,33 @@ def _read_length(case: Case) -> Iterator[str]:
         yield "it does not need more"
         return
     more, whole = case.args.get("more"), case.args.get("whole")
-    lengths = _lengths(deal) if deal.asked is not None else [None]
-    failed = any(block.failed for block in deal.answer.blocks)  # what these would have nobody knows
-    true = None if failed or None in lengths else 4 + sum(each or 0 for each in lengths)
     if more not in (None, "mlen_whole") or (more is None) != (whole is None):
         yield f"{more!r} says nothing of {whole!r}"
-    elif more is not None and (whole <= need or whole != (true or whole)):
-        yield f"with all values it has {true}, not {whole!r}"
+    elif more is not None:
+        if not deal.fits:
+            yield "it is the response to another request"
+        sums = {4}
+        for lengths in _lengths(case, deal):
+            sums = {each + length for each in sums for _, length in lengths}
+        if whole <= need or whole not in sums:
+            yield f"with all values it has {sorted(sums)}, not {whole!r}"
 
 
-def _lengths(deal: Deal) -> list[int | None]:
-    """Bytes of the block of each parameter with all its values; None where the response does not show them."""
-    assert deal.asked is not None
-    sizes = {
-        address.pnu: block.size
-        for address, block in deal.pairs() if not block.failed and block.size
-    }  # fmt: skip
+def _lengths(case: Case, deal: Deal) -> list[set[tuple[int, int]]]:
+    """Of each parameter the bytes of one value, and of its block with all of them, as far as responses show them.
+
+    Its own block says it, or any in which the drive object brought its values: of these there may be several.
+    """
     blocks = deal.answer.blocks if deal.answer is not None else []
-    found: list[int | None] = []
-    for number, address in enumerate(deal.asked.addresses):
-        block = blocks[number] if number < len(blocks) else None
-        size = sizes.get(address.pnu) if address.attribute == 0x10 else None
-        if block is not None and not block.failed:  # it may be cut
-            values = block.count * block.size
-            found.append(2 + values + values % 2 if block.size else None)
-        elif size:
-            values = size * max(1, address.elements)
-            found.append(2 + values + values % 2)
-        else:
-            found.append(None)
+    found = []
+    for number, address in enumerate(deal.asked.addresses if deal.asked is not None else []):
+        own = blocks[number] if number < len(blocks) else None
+        count, sizes = max(1, address.elements), set[int]()
+        if own is not None and not own.failed:  # it may be cut
+            count, sizes = own.count, {own.size}
+        elif address.attribute == message.VALUE:
+            sizes = {each.size for each in _values(case.memory, case.reading, deal, address.pnu)}
+        found.append({(size, 2 + count * size + count * size % 2) for size in sizes if size})
     return found
 
 
@@ -521,24 +519,15 @@ def _has_room(case: Case, deal: Deal) -> Iterator[str]:
     limit = case.args.get("limit") or 0
     room = limit if case.args.get("room") == "room_stated" else max(limit, 240)
     yield from case.wrong("most", room)
-    left, lengths = room - 4, _lengths(deal)
-    for number, length in enumerate(lengths):
-        if length is None:
-            return
-        if length > left:
-            assert deal.asked is not None
-            values = max(1, deal.asked.addresses[0].elements)
-            size = (length - 2) // values if values > 1 else 0
-            wanted = (
-                ("fit_parameters", number)
-                if number or fit == "fit_parameters"
-                else ("fit_elements", max(0, left - 2) // (size or 1))
-            )
-            if (fit, fits) != wanted:
-                yield f"{fit} {fits} is {wanted}"
-            return
-        left -= length
-    yield "all have room"
+    rooms, true = {room - 4}, set[tuple[str, int]]()
+    for number, lengths in enumerate(_lengths(case, deal)):
+        for left, (size, length) in product(rooms, lengths):
+            if length > left:
+                true.add(("fit_parameters", number))
+                true |= set() if number else {("fit_elements", max(0, left - 2) // size)}
+        rooms = {left - length for left in rooms for _, length in lengths if length <= left}
+    if (fit, fits) not in true:
+        yield f"{fit} {fits} is {sorted(true)}"
 
 
 def _no_room(case: Case, asked: message.Message, answer: message.Message) -> Iterator[str]:
@@ -725,13 +714,26 @@ def formats(
     kinds: tuple[str, ...] = (SURE, MAYBE),
 ) -> set[int]:
     """The formats in which a parameter of the drive object of a transaction was read, in one transaction or in any."""
-    return {
-        block.format for each in ([only] if only else reading.deals) if each.operation == "read"
+    return {each.format for each in _values(memory, reading, deal, pnu, only, target, kinds)}
+
+
+def _values(
+    memory: Memory,
+    reading: Reading,
+    deal: Deal,
+    pnu: object,
+    only: Deal | None = None,
+    target: Target | None = None,
+    kinds: tuple[str, ...] = (SURE, MAYBE),
+) -> list[message.Block]:
+    """The same: the blocks that brought its values."""
+    return [
+        block for each in ([only] if only else reading.deals) if each.operation == "read"
         if memory.same(memory.target(each), target or memory.target(deal)) in kinds
         and each.device == deal.device
         for address, block in each.pairs()
         if address.pnu == pnu and address.attribute == message.VALUE and not block.failed
-    }  # fmt: skip
+    ]  # fmt: skip
 
 
 def described(
@@ -808,16 +810,13 @@ def _index_and_count(case: Case) -> Iterator[str]:
         yield f"code {code!r} speaks of something else"
     if deal is None or deal.asked is None:
         return
-    asked = deal.asked
-    wanted = case.args.get("pnu"), case.args.get("subindex")
-    same = {
-        block.count == (address.elements or 1)
-        for address, block in zip(asked.addresses, asked.blocks, strict=False)
-        if (address.pnu, address.subindex) == wanted
-    }
-    if code == 0x18 and len(same) > 1:
-        return  # it is there twice, each time with another count
-    agree = code == 0x18 and True in same
+    asked, told = deal.asked, deal.answer.blocks if deal.answer is not None else []
+    at = next((at for at, each in enumerate(told) if each.offset == case.finding.offset), None)
+    value = asked.blocks[at] if at is not None and at < len(asked.blocks) else None
+    agree = (
+        code == 0x18 and at is not None and value is not None
+        and value.count == (asked.addresses[at].elements or 1)
+    )  # fmt: skip
     longer = agree and asked.rest and not deal.cut
     yield from case.wrong(
         "case", "record_longer" if longer else "counts_agree" if agree else "counts"

@@ -158,13 +158,20 @@ class Gaps:
     def turns(self, station: str) -> list[int]:
         """Of a station of PROFIBUS the requests behind which an answer is missing, or an exchange before them.
 
-        A master repeats what has no answer, and turns the FCB round with each new request.
+        A master repeats what has no answer, and turns the FCB round with each new request. Of the last one nothing
+        tells that.
         """
         line = self._capture.line
+        newest = (
+            max((each.asked.number for each in line.turns if not each.silent), default=0)
+            if line
+            else 0
+        )
         turns = line.of(int(station.removeprefix("dp"))) if line is not None else []
         found = [
             each.asked.number + 1 for each in turns
             if each.asked.counts and each.answer is None and not each.repeats and not each.last
+            and each.asked.number < newest
         ]  # fmt: skip
         cut = [each.number for each in line.flow if f"dp{each.torn}" == station] if line else []
         return found + [each.asked.number for each in turns if each.hole] + cut

@@ -469,10 +469,11 @@ def _saved(whole: Whole, args: dict[str, Any], origin: list[int]) -> Iterator[st
 def _is_outside(rule: str, complaint: str, origin: list[int]) -> bool:
     """Whether what contradicts came before the cut one began, or after its end.
 
-    DS415 and DS417 say what the capture shows: there it is what the capture has not.
+    DS415, DS417 and DS530 say what the capture shows: there it is what the capture has not.
     """
     pattern = {
         "DS417": r"the value is not known since frame (\d+)", "DS415": r"first \d+ is (\d+)",
+        "DS530": r"it runs since \[(\d+)\]",
     }.get(rule, "-")  # fmt: skip
     unknown = re.fullmatch(pattern, complaint)
     if unknown is not None:

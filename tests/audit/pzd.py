@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise, takewhile
 from typing import Any, NamedTuple
 
-from tests.audit import cyclic, wire
+from tests.audit import cyclic, dp, wire
 from tests.audit.reading import Complaint, Finding, Reading
 
 Plain = dict[str, Any]
@@ -159,9 +159,16 @@ def check(reading: Reading) -> Iterator[Complaint]:
 
 def _configured_anew(drive: Drive, reading: Reading) -> int | None:
     """The frame of a later configuration of its device: behind it the words have to show themselves once more."""
-    mine = drive.relation
-    later = (each for each in reading.plain["relations"] if each["device"] == mine["device"])
-    return min((each["frame"] for each in later if each["frame"] > mine["frame"]), default=None)
+    mine, line = drive.relation, reading.line
+    later = [
+        each["frame"] for each in reading.plain["relations"] if each["device"] == mine["device"]
+    ]
+    later += [
+        each.asked.number for each in (line.turns if line is not None else ())
+        if each.asked.service == "configuration" and f"dp{each.asked.da}" == mine["device"]
+        and dp.is_taken(each)
+    ]  # fmt: skip
+    return min((frame for frame in later if frame > mine["frame"]), default=None)
 
 
 def offers(reading: Reading) -> Iterator[Complaint]:

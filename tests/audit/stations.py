@@ -810,6 +810,11 @@ def _inconsistent(case: Case, station: Station) -> Iterator[str]:
     yield from _are(case, frames)
 
 
+def _taken_before(turns: list[Turn], frame: int) -> bool:
+    """Whether a station had taken any of these before a frame."""
+    return any(each.answer is not None and each.answer.number < frame for each in turns)
+
+
 OF_CASES = {"diag_ident": {"ident", "sent"}, "diag_master": {"master"}}
 """What is told of a case of DS814; the others have nothing more."""
 
@@ -825,8 +830,16 @@ def _slave_diag(case: Case, station: Station) -> Iterator[str]:
         own = set_up is not None and set_up.asked.sa == turn.asked.sa
         sent = _word(set_up.asked.du, 4) if set_up and own else None
         ident, master = _word(told.du, 4), told.du[3] if len(told.du) > 3 else 255
+        refused = {
+            "diag_prm_fault": (0x40, station.start_ups),
+            "diag_cfg_fault": (0x04, station.configurations),
+        }
         true = {
-            "diag_prm_fault": bool(told.du[0] & 0x40), "diag_cfg_fault": bool(told.du[0] & 0x04),
+            **{
+                # Of a station that nobody has, it is of a start-up before the capture where none is in it.
+                name: bool(told.du[0] & bit) and (master != 255 or _taken_before(taken(), told.number))
+                for name, (bit, taken) in refused.items()
+            },
             "diag_ident": None not in (ident, sent) and ident != sent
             and (ident, sent) == (args.get("ident"), args.get("sent")),
             "diag_master": own and master not in (255, turn.asked.sa) and master == args.get("master"),

@@ -283,6 +283,19 @@ local function test_ip_orders()
   end
 end
 
+local function test_ip_again()
+  local reassembly = ip.Reassembler.new(LIMITS)
+  feed_all(reassembly, {piece(0, 48), piece(48, 98), piece(0, 48)})
+  local last = {time_ns = 14000000}
+  check("the same once more", feed_all(reassembly, {piece(48, 98, last)}).payload, UDP_PAYLOAD)
+  check("nothing is left", #reassembly:unfinished(), 0)
+  reassembly = ip.Reassembler.new(LIMITS)
+  feed_all(reassembly, {piece(0, 48), piece(48, 98), piece(0, 48)})
+  local other = piece(48, 98, last)
+  other.data = other.data:reverse()
+  check("another one", reassembly:feed(other), nil)
+end
+
 local function test_ip_incomplete()
   local reassembly = ip.Reassembler.new(LIMITS)
   feed_all(reassembly, {piece(0, 24), piece(48, 98, {frame = 9, time_ns = 5})})
@@ -835,7 +848,7 @@ end
 
 for _, test in ipairs({
   test_ordered, test_rpc_parse, test_rpc_refused, test_rpc_fragments, test_rpc_fragment_bounds,
-  test_ip_orders, test_ip_incomplete, test_ip_bounds, test_copies, test_alike_copies,
+  test_ip_orders, test_ip_again, test_ip_incomplete, test_ip_bounds, test_copies, test_alike_copies,
   test_retransmissions, test_expiry, test_faults, test_record_requests, test_write_multiple,
   test_responses, test_index47_indices, test_index47_waiting, test_index47_waits, test_record_calls,
   test_names, test_lldp,

@@ -508,6 +508,16 @@ def test_r0974_is_the_longest_message_of_the_device(
     assert (told.args["room"], told.args["limit"]) == expected
 
 
+def test_room_is_counted_by_what_was_read_not_by_the_list() -> None:
+    """r2902 is a Float32 by the list of parameters; on this drive nobody has seen that."""
+    talk, asked = Talk(), message.read(1, 1, message.address(2902, 0, 255))
+    refused = message.answer(1, 0x81, 1, message.error(0x15))
+    for fits in (None, 58):
+        told = only(talk.closed(asked, refused), "DS713")
+        assert told.args["fits"] == fits
+        talk.read(message.address(2902))
+
+
 def test_a_limit_of_0_is_none() -> None:
     talk = Talk()
     talk.read(message.address(974), message.word(200))

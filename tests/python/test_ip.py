@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from ds47.profinet import ip
 
 PAYLOAD = bytes(range(100))
+KEY = "192.168.0.1", "192.168.0.2", 17, 7
 
 
 def fragments(size: int = 24, ident: int = 7) -> list[ip.Datagram]:
@@ -74,6 +75,26 @@ def test_an_identification_used_again_is_a_new_datagram() -> None:
     for start in (0, 2_000_000):
         whole = [reassembler.feed(part, 1, start) for part in fragments()]
         assert whole[-1] is not None
+
+
+def test_a_datagram_that_comes_once_more_is_whole_whenever_its_fragments_come() -> None:
+    """The wire doubled it: its first fragment came as soon as a mirror port's copy, its last one did not."""
+    reassembler = ip.Reassembler()
+    first, *others = fragments()
+    for part in (first, *others, first):
+        reassembler.feed(part, 1, 0)
+    again = [reassembler.feed(part, 2, 14_000_000) for part in others]
+    assert [each is not None and each.payload for each in again] == [False, False, False, PAYLOAD]
+    assert reassembler.unfinished() == []
+
+
+def test_copies_are_no_part_of_another_datagram_with_their_identification() -> None:
+    reassembler = ip.Reassembler()
+    first, *others = fragments()
+    for part in (first, *others, first):
+        reassembler.feed(part, 1, 0)
+    new = [ip.Datagram(*KEY, each.offset, each.more, each.payload[::-1], 0) for each in others]
+    assert [reassembler.feed(part, 2, 14_000_000) for part in new] == [None] * 4
 
 
 def test_fragments_cut_by_the_snap_length_complete_with_missing_bytes() -> None:

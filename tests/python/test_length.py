@@ -168,6 +168,18 @@ def test_a_response_that_ends_at_mlen_was_cut(
     assert mlen(read_with(stated, asked, answer[:stated])) == expected
 
 
+def test_of_the_response_to_another_request_nobody_knows_what_all_of_it_has() -> None:
+    case = read_with(10, READ_ARRAY, REALS[:10])
+    assert mlen(case) == {"asked": 10, "need": 22}
+    asked = message.read(1, 1, ARRAY, ARRAY)
+    assert mlen(read_with(10, asked, REALS[:10])) == {
+        "asked": 10, "need": 22, "more": "mlen_whole", "whole": 40,
+    }  # fmt: skip
+    case = read_with(10, asked, REALS[:10])
+    case.stray = True
+    assert mlen(case) == {"asked": 10, "need": 22}
+
+
 def test_a_response_that_ends_elsewhere_was_not_cut_to_mlen() -> None:
     assert mlen(read_with(12, READ_ARRAY, REALS[:10])) is None
     assert mlen(read_with(8, READ_ARRAY, REALS[:10])) is None
@@ -213,7 +225,7 @@ def test_a_read_that_was_refused_for_its_length_was_too_short_for_the_record_tha
 def room(
     case: Job, stated: int | None = None, longest: int = 0
 ) -> tuple[dict[str, Any], bytes | None] | None:
-    told = list(length.answer_too_long(case, stated, longest, sizes))
+    told = list(length.answer_too_long(case, stated, longest, sizes, sizes))
     if not told:
         return None
     (remark,) = told
@@ -262,7 +274,31 @@ def test_a_parameter_that_was_too_long_is_named_and_the_others_are_offered() -> 
 def test_how_much_has_room_is_counted(
     case: Job, stated: int | None, said: tuple[str, int, int]
 ) -> None:
-    (remark,) = length.answer_too_long(case, stated, 0, sizes)
+    (remark,) = length.answer_too_long(case, stated, 0, sizes, sizes)
+    assert tuple(remark.args[key] for key in ROOM) == said
+
+
+def unread(pnu: int) -> int | None:
+    """Nothing was read before."""
+    return None
+
+
+@pytest.mark.parametrize(
+    ("case", "said"),
+    [
+        (job(arrays(3), message.answer(1, 1, 1, FORTY)), ("fit_parameters", 1, 240)),
+        (job(arrays(1), message.answer(1, 0x81, 1, message.error(0x15))), (None, None, None)),
+        (
+            job(arrays(2), message.answer(1, 0x81, 1, message.error(0x15), FORTY)),
+            ("fit_parameters", 1, 240),
+        ),
+    ],
+)
+def test_only_what_was_read_says_how_much_has_room(
+    case: Job, said: tuple[str | None, int | None, int | None]
+) -> None:
+    """The response itself shows it, too; what a list says of a parameter does not count."""
+    (remark,) = length.answer_too_long(case, None, 0, sizes, unread)
     assert tuple(remark.args[key] for key in ROOM) == said
 
 

@@ -939,15 +939,20 @@ local function of_another(self, channel, job, record)
   local has_data = data ~= ""
   if asked == nil then return nil end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
+  local unknown = not (job:write_told() or has_data) -- nobody knows whether its Write was accepted
+  local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
   if job.peer.station then
     local since, refused = asked.frame, job == channel.refused
-    if refused then -- a record may be older than a start-up
+    if refused or over then -- a record may be older than a start-up
       local begun = self.starts:get(job.peer.device)
       local due = not has_data and begun and begun.frame < (record.request or half).frame
       since = due and math.max(channel.ended_frame, begun.frame) or channel.ended_frame
     end
     local found = requests_missing_after(self, job.peer, channel, since)
     if refused and not fits and has_data then found = found or missing_after(self, job.peer, 0) end
+    if found and over and unknown then
+      return requests_missing_after(self, job.peer, channel, asked.frame) or unanswered(job, asked)
+    end
     return not (fits and kind_fits(job.message, data) and counts(job, record)) and found or nil
   end
   local rival = job.refused_behind and mirrors(job.refused_behind, data)
@@ -964,8 +969,6 @@ local function of_another(self, channel, job, record)
   elseif may_be_newer(channel, job, record) then
     return {what = "later"}
   end
-  local unknown = not (job:write_told() or has_data) -- nobody knows whether its Write was accepted
-  local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
   local since = over and idle_since(self, channel, sought) or asked.frame
   local found = requests_missing_after(self, job.peer, channel, since, fits)
   if found == nil and job == channel.refused and has_data and not fits then

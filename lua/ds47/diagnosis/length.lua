@@ -1,7 +1,8 @@
 -- Diagnoses of lengths: LEN, MLEN and the longest message of the device (DS711, 712, 713).
 --
 -- What fits is computed from the request alone: a value takes one byte at least, more where its format is
--- known. `size_of` gives the bytes of one value of a PNU, nil where they are not known.
+-- known. `size_of` gives the bytes of one value of a PNU, nil where they are not known; `read` does so only
+-- as the capture shows it: for what there is room, no list says of this drive.
 
 local arrays = require("ds47.support.arrays")
 local later = require("ds47.support.later").module
@@ -81,23 +82,40 @@ local function least_block(address, size_of)
   return 2 + size + size % 2
 end
 
+local function value_size(block)
+  local codec = parameter.codec(block.meaning or block.format)
+  return codec and codec.size
+end
+
+-- Bytes of one value by the response itself, else as it was read before.
+local function shown_by(request, blocks, read)
+  local own = {}
+  for number, address in ipairs(request.addresses) do
+    local block = blocks[number]
+    local size = block and not block.error and address.attribute == VALUE and value_size(block) or 0
+    if size > 0 then own[address.pnu] = size end
+  end
+  return function(pnu) return own[pnu] or read(pnu) end
+end
+
 -- Bytes of the block of a parameter in a response with all values; nil where nobody knows.
-local function block_size(address, block, size_of)
+local function block_size(address, block, shown)
   if block and not block.error then -- it may be cut, and says what it has
-    local codec = parameter.codec(block.meaning or block.format)
-    local size = codec and codec.size * block.value_count
+    local size = value_size(block)
+    size = size and size * block.value_count
     return size and BLOCK_HEADER + size + size % 2
   end
-  if address.attribute ~= VALUE or size_of(address.pnu) == nil then return nil end
-  return least_block(address, size_of)
+  if address.attribute ~= VALUE or shown(address.pnu) == nil then return nil end
+  return least_block(address, shown)
 end
 
 -- Bytes of a response with all values, where it is known and more than `need`.
-local function whole(job, need, size_of)
+local function whole(job, need, read)
   local message, bytes = job.message, HEADER
-  if message == nil or message.operation ~= "read" then return nil end
+  if message == nil or message.operation ~= "read" or rules.is_mismatch(job) then return nil end
+  local shown = shown_by(message, job.response.blocks, read)
   for number, address in ipairs(message.addresses) do
-    local size = block_size(address, job.response.blocks[number], size_of)
+    local size = block_size(address, job.response.blocks[number], shown)
     if size == nil then return nil end
     bytes = bytes + size
   end
@@ -110,13 +128,13 @@ local function pads_missing(flaws, offset)
 end
 
 --- MLEN of RDREC is too small: the response was cut to it. Of a request all is said that it needs, if known.
-function M.answer_cut(remarks, job, size_of)
+function M.answer_cut(remarks, job, read)
   local asked, answer = job.read_request, job.read_response
   if asked == nil or asked.stated == 0 or job.response == nil or #answer.data ~= asked.stated then return end
   local flaw = missing(job.response.flaws)
   if flaw and not answer.missing then
     local need = #answer.data + pads_missing(job.response.flaws, flaw.offset) + flaw.args.need
-    local all = whole(job, need, size_of)
+    local all = whole(job, need, read)
     local args = {asked = asked.stated, need = need, more = all and "mlen_whole", whole = all}
     put(remarks, "DS712", answer.frame, args)
   end
@@ -155,13 +173,13 @@ end
 -- For how many of the parameters, or of the elements of the first one, a response has room: the key of the
 -- words, and the number. Nobody knows that where the size of a value is not known; those that were answered
 -- show theirs.
-local function room_for(request, blocks, room, size_of)
-  local left = room - HEADER
+local function room_for(request, blocks, room, read)
+  local left, shown = room - HEADER, shown_by(request, blocks, read)
   for number, address in ipairs(request.addresses) do
-    local needs = block_size(address, blocks[number], size_of)
+    local needs = block_size(address, blocks[number], shown)
     if needs == nil then return nil, nil end
     if needs > left then
-      local size = number == 1 and size_of(address.pnu)
+      local size = number == 1 and shown(address.pnu)
       if size then return "fit_elements", floor(max(0, left - BLOCK_HEADER) / size) end
       return "fit_parameters", number - 1
     end
@@ -180,7 +198,7 @@ end
 --- More was asked than one response can carry.
 -- @param stated   r0974 of the device, bytes, if it was read; else nil
 -- @param longest  bytes of the longest response of the device, as far as it is known
-function M.answer_too_long(remarks, job, stated, longest, size_of)
+function M.answer_too_long(remarks, job, stated, longest, size_of, read)
   local half, request, response = job.read_response, job.message, job.response
   if half == nil or request == nil or response == nil or request.operation ~= "read" then return end
   if half.missing or rules.is_mismatch(job) then return end
@@ -190,7 +208,7 @@ function M.answer_too_long(remarks, job, stated, longest, size_of)
   local what, number = without_room(request, response.blocks, #half.data, most, size_of)
   if what then
     local address, good = request.addresses[number], answered(response.blocks)
-    local fit, fits = room_for(request, response.blocks, most, size_of)
+    local fit, fits = room_for(request, response.blocks, most, read)
     put(remarks, "DS713", half.frame, {
       parameters = rules.parameters_asked(job), number = #good, what = what,
       pnu = address.pnu, subindex = address.subindex,

@@ -143,10 +143,11 @@ function Diagnoses:_cause(remarks, job)
     refused = self:_retyped(remarks, job, found, refused)
   end
   local function size_of(pnu) return self:_size(job, pnu) end
+  local function read(pnu) return self:_read_size(job, pnu) end
   length.request_too_short(remarks, job, refused)
-  length.answer_cut(remarks, job, size_of)
+  length.answer_cut(remarks, job, read)
   local stated = self.limits:get(device, PNU_ACCESS_IDENTIFICATION)
-  length.answer_too_long(remarks, job, stated, self.longest:get(device, ONLY) or 0, size_of)
+  length.answer_too_long(remarks, job, stated, self.longest:get(device, ONLY) or 0, size_of, read)
   refusal.add(remarks, job, refused, function(remark, each) self:_suggest(job, remark, each) end)
   if #remarks == before then refusal.not_seen(remarks, job) end
 end
@@ -395,10 +396,19 @@ function Diagnoses:_format(job, pnu)
   return shown and shown.format or self:_listed(job, pnu)
 end
 
+-- Bytes of one value, as it was read, or by the list of parameters.
 function Diagnoses:_size(job, pnu)
-  local seen = self.formats:get(way_of(job), pnu)
-  local row = tables.formats[seen and seen.format or self:_listed(job, pnu)]
+  local read = self:_read_size(job, pnu)
+  if read or self.formats:get(way_of(job), pnu) then return read end
+  local row = tables.formats[self:_listed(job, pnu)]
   return row and row.size
+end
+
+-- Bytes of one value, as it was read in the way of a request; nil of a format that has two sizes.
+function Diagnoses:_read_size(job, pnu)
+  local seen = self.formats:get(way_of(job), pnu)
+  local codec = seen and parameter.sound_codec(seen.format, self.codec)
+  return codec and codec.size > 0 and codec.size or nil
 end
 
 return M

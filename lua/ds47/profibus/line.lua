@@ -36,6 +36,8 @@ function Line.new()
     before = nil, -- the bytes of the frame before,
     same = false, -- whether the frame has them, too,
     echo = false, -- and whether it is so the second of two, the fourth of four and so on
+    answers = 0, -- how many there are,
+    echoes = 0, -- and those that nobody asked for and that stand directly behind the same answer
     unsure = 0,
     holes = {}, -- station -> the newest request before which an exchange was not seen
     gone = {}, -- station -> the last frame before which something that was said with it was not seen
@@ -55,7 +57,7 @@ local function damage(self, seen, cut)
     self.last = nil
   elseif short and open.due then
     open.due = false
-  elseif short and not self.echo then
+  elseif short and not (self.echo and 0 < self.answers and self.answers <= 3 * self.echoes) then -- no copy
     self.last, self.open = nil, nil
     return open
   end
@@ -126,7 +128,9 @@ end
 
 function Line:_answer(seen)
   local over, item = self.open, seen.item
+  self.answers = self.answers + 1
   if not over or not in_time(over, seen) or not fits(over.request.item, item) then
+    if self.echo then self.echoes = self.echoes + 1 end
     self.unsure = seen.frame
     self.last = nil -- between the two was a request that was not seen: nothing repeats that before it
     return nil

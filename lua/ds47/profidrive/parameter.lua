@@ -96,6 +96,9 @@ end
 --- The codec of a format code in a dialect, nil where the length of its values cannot be known.
 function M.codec(code, options) return dialect_of(options).usual[code].codec end
 
+--- The same, nil too where its values have two lengths.
+function M.sound_codec(code, options) return dialect_of(options).usual[code].class.sound_codec end
+
 -- Flaws -------------------------------------------------------------------------------------------------
 
 local function flaw(flaws, rule, offset, args)

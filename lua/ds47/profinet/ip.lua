@@ -22,6 +22,7 @@ local UNIT = 8 -- bytes in which offsets count
 --   count, bytes               of the pieces, and of their captured bytes
 --   cut                        the first frame that the capture cut, as rpc.parse takes it
 --   reach, looked              there is no hole up to `reach`; up to which offset pieces are in it
+--   again                      set of the offsets of pieces of which copies came when it was whole
 
 local function add(entry, offset, data, length, more, cut, frame)
   local known = entry.pieces[offset]
@@ -110,13 +111,21 @@ function Reassembler.new(limits)
   }, Reassembler)
 end
 
---- The piece of which this is a mirror port's copy, of a datagram that just became whole; nil of any other.
--- Later than a millisecond it is a new datagram with a reused identification.
-local function copied(self, key, offset, data, length)
+-- The datagram that was whole last, if this is a piece of it once more, and that piece; else nil.
+local function known(self, key, offset, data, length)
   local done = self.done:get(key)
-  if not done or math.abs(self.now_ns - done.time_ns) > COPY_NS then return nil end
-  local piece = done.pieces[offset]
-  return piece and piece.data == data and piece.length == length and piece or nil
+  local piece = done and done.pieces[offset]
+  if piece and piece.data == data and piece.length == length then return done, piece end
+  return nil
+end
+
+-- Adds what came of a whole datagram once more: that was no mirror port's where more of it follows so late.
+local function add_again(entry, done)
+  for offset in pairs(done.again) do
+    local piece = done.pieces[offset]
+    local finish, cut = offset + piece.length, #piece.data < piece.length and done.cut or nil
+    add(entry, offset, piece.data, piece.length, finish ~= done.total, cut, piece.frame)
+  end
 end
 
 --- Takes a fragment; the packet (as rpc.parse takes it) when this one completes the datagram, else nil.
@@ -131,9 +140,10 @@ function Reassembler:feed(part)
   local key = part.src_ip .. "\0" .. part.dst_ip .. "\0" .. part.ip_id
   self.original = nil
   if length == 0 or offset + length > LONGEST then return nil end
-  local piece = copied(self, key, offset, data, length)
-  if piece then
-    self.original = piece.frame
+  local done, piece = known(self, key, offset, data, length)
+  -- Later than that it is a new datagram with a reused identification, or the same once more.
+  if done and math.abs(time_ns - done.time_ns) <= COPY_NS then
+    done.again[offset], self.original = true, piece.frame
     return nil
   end
   self:_expire()
@@ -141,11 +151,12 @@ function Reassembler:feed(part)
   if not entry then
     entry = {
       src_ip = part.src_ip, dst_ip = part.dst_ip, ip_id = part.ip_id, first_ns = time_ns,
-      total = nil, pieces = {}, count = 0, bytes = 0, reach = 0, looked = 0,
+      total = nil, pieces = {}, count = 0, bytes = 0, reach = 0, looked = 0, again = {},
     }
     self.open:set(key, entry)
   end
   local before, bytes_before = entry.count, entry.bytes
+  if done and before == 0 then add_again(entry, done) end
   add(entry, offset, data, length, part.more, part.cut, part.frame)
   self.fragments = self.fragments + entry.count - before
   self.bytes = self.bytes + entry.bytes - bytes_before

@@ -647,7 +647,8 @@ class Pairing:
         half, since = record.response, asked.frame
         assert half is not None
         fits, refused = _mirrors(job, half), job is channel.refused
-        if refused:  # a record may be older than a start-up
+        unknown = not (half.data or job.write_told) and half.status != STATUS_SHORT
+        if refused or unknown:  # a record may be older than a start-up
             begun = self._started.get(job.peer.device, _NEVER).frame
             sought = record.request or half
             since = channel.ended_frame
@@ -656,6 +657,9 @@ class Pairing:
         found = self._requests_missing_after(job.peer, channel, since)
         if found is None and refused and half.data and not fits:
             found = self._missing_after(job.peer, 0)
+        if unknown and found is not None:  # at least its own Write response is missing
+            lacks = self._requests_missing_after(job.peer, channel, asked.frame)
+            return lacks or _unanswered(job, asked)
         sure = fits and _is_of_kind(job, half) is True
         return None if sure and _counts(job, record) else found
 

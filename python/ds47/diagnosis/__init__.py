@@ -24,6 +24,7 @@ from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.dictionary import is_known, listed
 from ds47.profidrive.drive_objects import LOCAL, put
 from ds47.profidrive.model import VALUE, Block
+from ds47.profidrive.parameter import sound_codecs
 from ds47.profinet.completeness import Completeness
 from ds47.profinet.records import Peer
 from ds47.spec import formats
@@ -117,12 +118,12 @@ class Diagnoses:
         told = {each.number for each in meant}
         others = [each for each in refused if each.number not in told]
         device = job.peer.device
-        size_of = partial(self._size, job)
+        size_of, read = partial(self._size, job), partial(self._read_size, job)
         remarks += [
             *length.request_too_short(job, [each.code for each in others]),
-            *length.answer_cut(job, size_of),
+            *length.answer_cut(job, read),
             *length.answer_too_long(
-                job, self._limits.get(device), self._longest.get(device, 0), size_of
+                job, self._limits.get(device), self._longest.get(device, 0), size_of, read
             ),
         ]
         for each, remark in refusal.of(job, others):
@@ -328,10 +329,17 @@ class Diagnoses:
         return self._listed(job, pnu) if shown is None else shown.format
 
     def _size(self, job: Job, pnu: int) -> int | None:
-        seen = self._seen(job, pnu)
-        code = self._listed(job, pnu) if seen is None else seen.format
+        """Bytes of one value, as it was read, or by the list of parameters."""
+        code = None if self._seen(job, pnu) is not None else self._listed(job, pnu)
         row = formats().get(code) if code is not None else None
-        return row.size if row else None
+        return self._read_size(job, pnu) if row is None else row.size
+
+    def _read_size(self, job: Job, pnu: int) -> int | None:
+        """Bytes of one value, as it was read in the way of a request; None of a format that has two sizes."""
+        seen, options = self._seen(job, pnu), self._codec
+        known = sound_codecs(options.legacy_g120_formats, options.profile_v3_types)
+        found = None if seen is None else known[seen.format]
+        return None if found is None else found[1].size or None
 
 
 def _described(job: Job, pnu: int) -> Seen | None:

@@ -24,7 +24,7 @@ NO_PAD: Final = "DS311"
 """The byte that fills a value block up is not there."""
 
 SizeOf = Callable[[int], int | None]
-"""Bytes of one value of a PNU, as far as it is known."""
+"""Bytes of one value of a PNU, as far as it is known, or as it was read."""
 
 
 def request_too_short(job: Job, errors: Iterable[int]) -> Iterator[Remark]:
@@ -79,7 +79,7 @@ def _is_cut(block: Block) -> bool:
     return len(there) < block.value_count
 
 
-def answer_cut(job: Job, size_of: SizeOf) -> Iterator[Remark]:
+def answer_cut(job: Job, read: SizeOf) -> Iterator[Remark]:
     """MLEN of RDREC is too small: the response was cut to it. Of a request all is said that it needs, if known."""
     asked, answer = job.read_request, job.read_response
     if asked is None or answer is None or not asked.stated or job.response is None:
@@ -91,8 +91,9 @@ def answer_cut(job: Job, size_of: SizeOf) -> Iterator[Remark]:
         pad = any(each.rule == NO_PAD and each.offset == flaw.offset for each in job.response.flaws)
         need = len(answer.data) + pad + int(flaw.args["need"])
         args: dict[str, Any] = {"asked": asked.stated, "need": need}
-        if job.message is not None and job.message.operation == "read":
-            sizes = list(_block_sizes(job.message, job.response.blocks, size_of))
+        if job.message is not None and job.message.operation == "read" and not job.stray:
+            blocks = job.response.blocks
+            sizes = list(_block_sizes(job.message, blocks, _shown(job.message, blocks, read)))
             known_sizes = [size for size in sizes if size is not None]
             whole = MESSAGE_SIZE + sum(known_sizes)
             if len(known_sizes) == len(sizes) and whole > need:
@@ -119,7 +120,7 @@ def _least_block(address: Address, size_of: SizeOf) -> int:
 
 
 def answer_too_long(
-    job: Job, stated: int | None, longest: int, size_of: SizeOf
+    job: Job, stated: int | None, longest: int, size_of: SizeOf, read: SizeOf
 ) -> Iterator[Remark]:
     """More was asked than one response can carry.
 
@@ -128,6 +129,7 @@ def answer_too_long(
         stated: r0974 of the device, bytes, if it was read.
         longest: bytes of the longest response of the device, as far as it is known.
         size_of: bytes of one value of a PNU.
+        read: the same, only as the capture shows it: for what there is room, no list says of this drive.
     """
     half, request, response = job.read_response, job.message, job.response
     if half is None or request is None or response is None or request.operation != "read":
@@ -146,7 +148,8 @@ def answer_too_long(
         return
     what, number = found
     address, good = request.addresses[number], answered(response.blocks)
-    fit, fits = _room_for(request, response.blocks, most, size_of)
+    shown = _shown(request, response.blocks, read)
+    fit, fits = _room_for(request, response.blocks, most, shown)
     args: dict[str, Any] = {
         "parameters": request.asked, "number": len(good), "what": what,
         "pnu": address.pnu, "subindex": address.subindex,
@@ -162,18 +165,18 @@ def answer_too_long(
 
 
 def _room_for(
-    request: Request, blocks: list[Block], room: int, size_of: SizeOf
+    request: Request, blocks: list[Block], room: int, shown: SizeOf
 ) -> tuple[str | None, int | None]:
     """For how many of the parameters, or of the elements of the first one, a response has room.
 
     Nobody knows that where the size of a value is not known; the parameters that were answered show theirs.
     """
     left = room - MESSAGE_SIZE
-    for number, needs in enumerate(_block_sizes(request, blocks, size_of)):
+    for number, needs in enumerate(_block_sizes(request, blocks, shown)):
         if needs is None:
             break
         if needs > left:
-            size = size_of(request.addresses[0].pnu) if number == 0 else None
+            size = shown(request.addresses[0].pnu) if number == 0 else None
             if size:
                 return "fit_elements", max(0, left - VALUE_SIZE) // size
             return "fit_parameters", number
@@ -181,16 +184,31 @@ def _room_for(
     return None, None
 
 
-def _block_sizes(request: Request, blocks: list[Block], size_of: SizeOf) -> Iterator[int | None]:
+def _shown(request: Request, blocks: list[Block], read: SizeOf) -> SizeOf:
+    """Bytes of one value by the response itself, else as it was read before."""
+    own = {
+        address.pnu: size
+        for address, block in zip(request.addresses, blocks, strict=False)
+        if address.attribute == VALUE and block.error is None and (size := _value_size(block))
+    }
+    return lambda pnu: own.get(pnu) or read(pnu)
+
+
+def _value_size(block: Block) -> int | None:
+    found = codec(block.format if block.meaning is None else block.meaning)
+    return None if found is None else found.size
+
+
+def _block_sizes(request: Request, blocks: list[Block], shown: SizeOf) -> Iterator[int | None]:
     """Bytes of the block of each parameter in a response with all values; None where nobody knows."""
     for number, address in enumerate(request.addresses):
         block = blocks[number] if number < len(blocks) else None
         if block is not None and block.error is None:  # it may be cut, and says what it has
-            found = codec(block.format if block.meaning is None else block.meaning)
-            size = None if found is None else found.size * block.value_count
+            size = _value_size(block)
+            size = None if size is None else size * block.value_count
             yield None if size is None else VALUE_SIZE + size + size % 2
-        elif address.attribute == VALUE and size_of(address.pnu) is not None:
-            yield _least_block(address, size_of)
+        elif address.attribute == VALUE and shown(address.pnu) is not None:
+            yield _least_block(address, shown)
         else:
             yield None
 

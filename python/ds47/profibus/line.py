@@ -99,8 +99,10 @@ class Line:
         """How many tokens went round,"""
         self.damaged = 0
         """how many frames are damaged,"""
+        self._answers = 0
+        """How many answers there are,"""
         self.stray = 0
-        """and how many answers nobody asked for,"""
+        """how many of them nobody asked for,"""
         self.echoes = 0
         """those among them that stand directly behind the same answer."""
         self.unsure = 0
@@ -210,7 +212,7 @@ class Line:
             self._last = None
         elif short and over.due:
             over.cut, over.due = True, False
-        elif short and not (self._echo and self.echoes):
+        elif short and not (self._echo and 0 < self._answers <= 3 * self.echoes):  # not its copy
             self._last = None
             self._open = None
             return (over,)
@@ -247,6 +249,7 @@ class Line:
 
     def _answer(self, seen: LineFrame) -> Sequence[Exchange]:
         over, item = self._open, seen.item
+        self._answers += 1
         if (
             over is None
             or not _in_time(over, seen)

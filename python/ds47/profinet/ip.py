@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections import OrderedDict
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
@@ -107,6 +108,8 @@ class Unfinished(Plain):
     pieces: dict[int, tuple[bytes, int]] = field(default_factory=dict)
     reach: int = 0
     beyond: list[int] = field(default_factory=list)
+    again: set[int] = field(default_factory=set)
+    """The offsets of pieces of which copies came when it was whole."""
     cut: Cut | None = None
     limit: str = ""
     """Name of the limit that pushed it out (spec/limits.toml); "" for none."""
@@ -128,6 +131,14 @@ class Unfinished(Plain):
             offset = heappop(self.beyond)
             self.reach = max(self.reach, offset + self.pieces[offset][1])
         return self.total is not None and self.reach >= self.total
+
+    def copies(self) -> Iterator[Datagram]:
+        """Its fragments of which copies came when it was whole."""
+        key = self.source, self.destination, UDP, self.identification
+        for offset in self.again:
+            data, length = self.pieces[offset]
+            more, missing = offset + length != self.total, length - len(data)
+            yield Datagram(*key, offset, more, data, missing, self.cut if missing else None)
 
     def head(self) -> bytes:
         """The captured bytes from offset 0 up to the first hole."""
@@ -185,8 +196,11 @@ class Reassembler:
         self._now_ns = time_ns
         key = (part.source, part.destination, part.identification)
         possible = part.length > 0 and part.offset + part.length <= 65_535
-        before = self._whole(key, part) if possible else None
-        entry = self._entry(key) if possible and before is None else None
+        known = self._known(key, part) if possible else None
+        before = self._whole(known)
+        if before is not None:
+            before.again.add(part.offset)
+        entry = self._entry(key, known) if possible and before is None else None
         if self.traces is not None and not self._trace(part, frame, entry, before):
             return None
         if entry is None:
@@ -215,22 +229,31 @@ class Reassembler:
         while self._open:
             self._give_up(next(iter(self._open)), "")
 
-    def _whole(self, key: _Key, part: Datagram) -> Unfinished | None:
+    def _known(self, key: _Key, part: Datagram) -> Unfinished | None:
+        """The datagram that was whole last, if this fragment is a piece of it once more."""
+        done = self._done.get(key)
+        same = done is not None and done.pieces.get(part.offset) == (part.payload, part.length)
+        return done if same else None
+
+    def _whole(self, done: Unfinished | None) -> Unfinished | None:
         """The datagram that just became whole and of which this fragment is a mirror port's copy.
 
-        Later than a millisecond it is a new datagram with a reused identification.
+        Later than a millisecond it is a new datagram with a reused identification, or the same once more.
         """
-        done = self._done.get(key)
-        if done is None or abs(self._now_ns - done.time_ns) > 1_000_000:
-            return None
-        return done if done.pieces.get(part.offset) == (part.payload, part.length) else None
+        late = done is None or abs(self._now_ns - done.time_ns) > 1_000_000
+        return None if late else done
 
-    def _entry(self, key: _Key) -> Unfinished:
-        """The open datagram that a fragment belongs to; a new one if there is none."""
+    def _entry(self, key: _Key, known: Unfinished | None) -> Unfinished:
+        """The open datagram that a fragment belongs to; a new one if there is none.
+
+        It has what came of `known` once more: that was no mirror port's where more of it follows so late.
+        """
         self._expire()
         entry = self._open.get(key)
         if entry is None:
             entry = self._open[key] = Unfinished(*key, first_ns=self._now_ns)
+            for part in () if known is None else known.copies():
+                self._add(entry, part)
         return entry
 
     def _trace(
