@@ -21,7 +21,7 @@ files["dissector"] = {
     -- taps, windows, menus
     "Listener", "TextWindow", "ProgDlg", "new_dialog", "register_menu", "gui_enabled", "report_failure",
     "register_packet_menu", -- not in 4.0
-    "retap_packets", "set_filter", "apply_filter", "copy_to_clipboard", "open_capture_file",
+    "retap_packets", "get_filter", "set_filter", "apply_filter", "copy_to_clipboard", "open_capture_file",
     "browser_open_url", "browser_open_data_file", "reload_lua_plugins", "GUI_ENABLED",
     "MENU_STAT_UNSORTED", "MENU_STAT_GENERIC", "MENU_STAT_CONVERSATION", "MENU_STAT_ENDPOINT",
     "MENU_STAT_RESPONSE", "MENU_STAT_RESPONSE_TIME", "MENU_ANALYZE_UNSORTED", "MENU_TOOLS_UNSORTED",

@@ -49,6 +49,7 @@ local later = require("ds47.support.later").module
 local lists = require("ds47_ws.lists")
 local passes = require("ds47_ws.passes")
 local preferences = require("ds47_ws.preferences")
+local stats = require("ds47_ws.stats")
 local tables = require("ds47.spec.tables")
 local track = require("ds47_ws.track")
 local wanted_fields = require("ds47_ws.wanted")
@@ -341,6 +342,7 @@ function ds47.init()
   this_dissector = this_dissector or Dissector.get("ds47")
   words_dissector = words_dissector or Dissector.get("ds47_pzd")
   bus_dissector = bus_dissector or Dissector.get("ds47_profibus")
+  stats.begin()
   begin_anew()
 end
 
@@ -358,6 +360,6 @@ function stations.draw()
   if not WINDOW then passes.finish(track.lang) end
 end
 
-require("ds47_ws.stats").register(track, arguments)
+stats.register(track, arguments)
 require("ds47_ws.menu").register(track, { version = tables.version, path = source })
 if WINDOW and register_packet_menu then require("ds47_ws.packet_menu").register(track) end -- 4.0 has none

@@ -89,7 +89,7 @@ function M.say(lang, key, values)
   local known = tables.report_words[key]
   local text = lang == "zh" and known.zh or known.en
   local one, several = text:match("^(.*)|(.*)$")
-  if one then text = values.n == 1 and one or several end
+  if one then text = tonumber(values.n) == 1 and one or several end
   return (gsub(text, "{([%w_]+)}", function(name)
     local value = values[name]
     return type(value) == "number" and M.grouped(value) or tostring(value)
