@@ -172,6 +172,45 @@ def test_statistics_are_the_same_however_the_file_is_read(
     assert re.search(r"^  DS410  error +2 +29  \S", said[0], re.MULTILINE)
 
 
+@pytest.mark.parametrize("passes", [[], ["-2"], ["-2", "-R", "frame"]])
+@pytest.mark.parametrize(
+    ("filtering", "begins"),
+    [
+        ("frame.number <= 17", "37 frames, 3 of 8 transactions (3 ok), 1 finding\n"),
+        ("ds47.pnu == 50303", "37 frames, 4 of 8 transactions (1 ok, 1 partial, 1 refused, 1\n"),
+        ("frame.number == 8", "37 frames, 1 of 8 transactions (1 ok), 0 findings\n"),  # a poll
+        ("frame.number == 1", "37 frames, 0 of 8 transactions, 0 findings\n"),
+    ],
+)
+def test_statistics_of_what_a_filter_shows(
+    shark: Run, plugin: list[str], tour: Path, passes: list[str], filtering: str, begins: str
+) -> None:
+    wanted = asked("statistics", f"filter={filtering}")
+    said = shark(*passes, "-q", *plugin, *wanted, "-r", tour).out
+    assert said.startswith(f"DS47 statistics\n{begins}")
+    assert f"\nDisplay filter: {filtering}\n\n" in said
+
+
+def test_a_filter_narrows_drives_and_rows_and_no_report(
+    shark: Run, plugin: list[str], tour: Path, captures: Path
+) -> None:
+    wanted = asked("drives", "filter=frame.number < 300")
+    said = shark("-q", *plugin, *wanted, "-r", captures / "cyclic-longer-ramp.pcapng").out
+    assert "Display filter: frame.number < 300\n" in said
+    assert "telegram 1: 11 events\n" in said
+    wanted = asked("csv", "filter=ds47.pnu == 50076")
+    rows = list(csv.DictReader(io.StringIO(shark("-q", *plugin, *wanted, "-r", tour).out)))
+    assert [row["pnu"] for row in rows] == ["50076"]
+    wanted = asked("report", "filter=ds47.pnu == 50076")
+    assert shark("-q", *plugin, *wanted, "-r", tour).out.startswith("37 frames\n8 transactions")
+
+
+def test_a_filter_that_is_none_prints_nothing(shark: Run, plugin: list[str], tour: Path) -> None:
+    said = shark("-q", *plugin, *asked("statistics", "filter=nothing =="), "-r", tour)
+    assert said.out == ""
+    assert "ds47: not a display filter: nothing ==" in said.err
+
+
 def test_statistics_stand_behind_the_packet_list(shark: Run, plugin: list[str], tour: Path) -> None:
     lines = shark(*plugin, *asked("statistics"), "-r", tour).out.split("DS47 statistics\n")
     assert len(lines) == 2
@@ -278,8 +317,25 @@ def test_columns_of_the_profile(
     assert "warning" not in said.err.lower()
     line = said.out.splitlines()[12].split()
     assert line[:2] == ["13", "0.282000000"]
-    assert line[5:11] == ["DS47", "2", "ok", "change", "50304", "100.0"]
-    assert line[11:13] == ["100", "27"]  # the value as a number, and milliseconds
+    assert line[5:12] == ["DS47", "2", "ok", "27", "p50304[0]", ":=", "100.0"]  # others are hidden
+
+
+def test_hidden_columns_of_the_profile(
+    shark: Run, plugin: list[str], profile: list[str], tour: Path, captures: Path
+) -> None:
+    """Those of several parameters stay with their values, and PKW has the same column."""
+    seen = ["-o", "gui.column.hidden:%m,%t,%s,%d,%p,%i"]
+    ways = *profile, *plugin, *seen, "-2", "-R", "frame"
+    lines = [line.split() for line in shark(*ways, "-r", tour).out.splitlines()]
+    assert lines[12][:3] == ["2", "ok", "27"]
+    assert lines[12][3] == "change"
+    assert lines[12][4].startswith("p50304[0]")
+    assert lines[12][-4:] == [":=", "100.0", "s", "100"]
+    assert "p50303[0] (Ramp-function generator ramp-up time 1) = 10.0 s,p50999[0] error 0x00: " in (
+        shark(*ways, "-r", tour).out
+    )
+    said = shark(*ways, "-r", captures / "profibus-ppo1-start.pcapng").out
+    assert "change P1082[0] (Maximum frequency) := 40.0 Hz 40" in re.sub(r" +", " ", said)
 
 
 def colours(shark: Run, *arguments: str | Path) -> dict[str, str]:
