@@ -53,14 +53,14 @@ local STYLES = entries(function(lang)
   return { [true] = with(" := "), [false] = with(" = ") }
 end)
 
--- What a sentence says around the values of a parameter: {style, address, before and behind (a value),
--- name (nil where names are not given), number_text (what makes the text of a number)}. Remembered where
--- parameters share what they are.
+-- What a sentence says around the values of a parameter: {style, address, before and behind (a value, up to
+-- what follows), name (false or nil where none is given), number_text (what makes the text of a number)}.
+-- Remembered where parameters share what they are.
 local function words_of(item, style)
   local address = words.address(item)
   local found = {
     style = style, address = address, before = address .. style.sign,
-    behind = item.unit and " " .. words.escape(item.unit) or "",
+    behind = item.unit and " " .. words.escape(item.unit) .. ", " or ", ",
     name = style.named and words.name(item, style.lang), number_text = text_of(item.format),
     is_described = descriptions.is_about(item.attribute),
   }
@@ -69,18 +69,18 @@ local function words_of(item, style)
   return found
 end
 
--- A text with one more parameter behind it, and the name of a known one: `p50303[0] = 10.0`, ` := ` as the
+-- A text with one more parameter behind it, and the name of a known one: `p50303[0] = 10.0, `, ` := ` as the
 -- sign where the value was written, `: 0x02 ...` where it failed.
 local function with_parameter(text, item, style)
   local around, values, failed = item.words, item.values, item.error
   if around == nil or around.style ~= style then around = words_of(item, style) end
   local value, name = values[1], around.name
-  if failed then return text .. around.address .. ": " .. error_of(failed), name end
-  if value == nil then return text .. around.address, name end
+  if failed then return text .. around.address .. ": " .. error_of(failed) .. ", ", name end
+  if value == nil then return text .. around.address .. ", ", name end
   local described = around.is_described and descriptions.parts(item, words, style.lang)
-  if described then return text .. around.before .. concat(described, ", "), name end
+  if described then return text .. around.before .. concat(described, ", ") .. ", ", name end
   if descriptions.stated(item) > 1 or item.scaled then
-    return text .. around.before .. words.with_unit(item), name
+    return text .. around.before .. words.with_unit(item) .. ", ", name
   end
   local shown = type(value) == "number" and around.number_text(value) or words.value(value, item.format)
   item.shown = shown -- the tree shows it, too
@@ -90,13 +90,13 @@ end
 -- What a sentence says of the parameters of a transaction that is called so, up to what follows, and their
 -- names for its end: of one ` (Maximum speed)`, of two with their addresses.
 local function list_of(parameters, operation)
-  local count, text, names, name = #parameters, "", "", nil
+  local count, text, names = #parameters, "", ""
   local shown = count > PARAMETERS_SHOWN and PARAMETERS_SHOWN or count
   local style = STYLES[language][operation == "change"][count <= NAMES_SHOWN]
   for number = 1, shown do
     local item = parameters[number]
-    text, name = with_parameter(text, item, style)
-    text = text .. ", "
+    local longer, name = with_parameter(text, item, style)
+    text = longer
     if name then
       if count > 1 then name = words.address(item) .. " " .. name end
       names = names == "" and name or names .. ", " .. name

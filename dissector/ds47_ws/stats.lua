@@ -15,7 +15,6 @@ local KINDS = {
   csv = { "ds47.report.csv", "report", true },
   drives = { "ds47_ws.drives_text", "text", true },
 }
-local SORTS = { count = true, time = true, frame = true, device = true }
 local USAGE = "statistics[=FILE], report[=FILE], csv[=FILE], drives[=FILE], filter=DISPLAY FILTER, "
   .. "sort=count, time, frame or device, name=NAME, lang=en or lang=zh"
 
@@ -33,8 +32,10 @@ function M.parse(arguments)
       wanted.outputs[#wanted.outputs + 1] = { kind = key, file = value ~= "" and value or nil }
     elseif key == "name" and value then
       wanted.name = value
-    elseif key == "lang" and (value == "en" or value == "zh") or key == "sort" and SORTS[value] then
-      wanted[key] = value
+    elseif key == "lang" and (value == "en" or value == "zh") then
+      wanted.lang = value
+    elseif key == "sort" and require("ds47.report.statistics").ORDERS[value] then
+      wanted.sort = value
     elseif key == "filter" and value and value ~= "" then
       wanted.filter = value
     else

@@ -166,7 +166,8 @@ function M.with_unit(item, lang)
   if item.scaled and #item.scaled > 0 then
     unit = " (" .. M.values(item.scaled, item.format, true, lang) .. unit .. ")"
   end
-  return M.values(item.values, item.format, false, lang, M.stated(item)) .. unit
+  -- `shown`: an only value that was written out before
+  return (item.shown or M.values(item.values, item.format, false, lang, M.stated(item))) .. unit
 end
 
 --- `Maximum speed`; as the drive calls it in quotes, `"Max_frequency"`; nil where it has no name.

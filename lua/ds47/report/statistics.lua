@@ -29,7 +29,7 @@ local OPEN = { unanswered = true, superseded = true, incomplete = true }
 
 local COLUMNS, RIGHT = tables.statistics.columns, tables.statistics.right
 
---- What tables can be sorted by -> the column of one that has it. Of counts and times the greatest comes first.
+--- What tables can be sorted by -> the column of one that has it. Of counts and times the greatest is first.
 M.ORDERS = {
   count = { count = true }, time = { max = true, took = true }, frame = { frame = true },
   device = { device = true },
