@@ -701,13 +701,25 @@ def test_who_has_no_response_is_listed_in_the_order_of_the_capture(lua: Run) -> 
 NEAR, FAR = "192.168.0.9", "192.168.0.10"
 ORDERS = {
     "": ([FAR, "read", "change", NEAR, "read", "all"], ["#2", "#4", "#1", "#5"], ["#3", "#6"]),
-    "device": ([NEAR, "read", FAR, "read", "change", "all"], ["#4", "#2", "#1", "#5"], ["#6", "#3"]),
+    "device": (
+        [NEAR, "read", FAR, "read", "change", "all"],
+        ["#4", "#2", "#1", "#5"],
+        ["#6", "#3"],
+    ),
     "time": ([FAR, "change", "read", NEAR, "read", "all"], ["#2", "#4", "#1", "#5"], ["#3", "#6"]),
     "-time": ([FAR, "read", "change", NEAR, "read", "all"], ["#5", "#1", "#4", "#2"], ["#3", "#6"]),
     "count": ([FAR, "read", "change", NEAR, "read", "all"], ["#2", "#4", "#1", "#5"], ["#3", "#6"]),
-    "-count": ([FAR, "change", "read", NEAR, "read", "all"], ["#2", "#4", "#1", "#5"], ["#3", "#6"]),
+    "-count": (
+        [FAR, "change", "read", NEAR, "read", "all"],
+        ["#2", "#4", "#1", "#5"],
+        ["#3", "#6"],
+    ),
     "frame": ([FAR, "read", "change", NEAR, "read", "all"], ["#1", "#2", "#4", "#5"], ["#3", "#6"]),
-    "-frame": ([FAR, "read", "change", NEAR, "read", "all"], ["#5", "#4", "#2", "#1"], ["#6", "#3"]),
+    "-frame": (
+        [FAR, "read", "change", NEAR, "read", "all"],
+        ["#5", "#4", "#2", "#1"],
+        ["#6", "#3"],
+    ),
 }
 """Order, with a minus the other way round -> first cells of times, numbers of the slowest, and of those without a
 response. By device the numbers in an address count as such."""
