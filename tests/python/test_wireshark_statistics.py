@@ -211,6 +211,65 @@ def test_a_filter_that_is_none_prints_nothing(shark: Run, plugin: list[str], tou
     assert "ds47: not a display filter: nothing ==" in said.err
 
 
+WINDOW = """
+local actions, buttons, filter, text, copied = {}, {}, "", nil, nil
+function _G.gui_enabled() return true end
+function _G.register_menu(name, action) actions[name] = action end
+function _G.get_filter() return filter end
+function _G.retap_packets() end
+function _G.copy_to_clipboard(given) copied = given end
+local window = { set = function(_, given) text = given end }
+function window:add_button(name, action) buttons[name] = action end
+_G.TextWindow = { new = function() return window end }
+require("ds47_ws.stats").listener = function(given) -- which shows a frame of the second transaction
+  if given ~= "wrong" then return { remove = function() end }, { [6] = true } end
+end
+require("ds47_ws.menu").register(require("ds47_ws.track"))
+local listener = Listener.new("frame")
+local function times() return text:match("Max.-\\n\\n"):gsub("[%s-]+", " ") end
+function listener.draw()
+  actions["DS47 Statistics"]()
+  print(text:match("\\n(.-)\\n"), times())
+  buttons["By time"]()
+  print(times())
+  buttons["By time"]()
+  print(times())
+  buttons.Copy()
+  print(copied == text)
+  for _, each in ipairs({ "wrong", "right", " " }) do
+    filter = each
+    buttons.Refresh()
+    print((text:match("^(.-)\\n\\n"):gsub("%s+", " ")))
+  end
+  actions["DS47 Drives"]()
+  print(text:match("^(.-)\\n"))
+end
+"""
+
+
+def test_the_window_of_statistics(
+    shark: Run, plugin: list[str], tour: Path, tmp_path: Path
+) -> None:
+    """tshark has none, so a script plays it; which frames a filter shows is Wireshark's business."""
+    script = tmp_path / "window.lua"
+    script.write_text(WINDOW, encoding="utf-8")
+    said = shark("-q", *plugin, "-X", f"lua_script:{script}", "-r", tour).out.splitlines()
+    read, change = (
+        "read 4 4 3.000 4.000 3.000 7.000 7.000",
+        "change 4 2 3.000 15.000 3.000 27.000 27.000",
+    )
+    assert said[0].startswith("8 transactions (4 ok, 1 partial, ")
+    assert f"Max 192.168.133.33 {read} {change} all 8" in said[0]
+    assert f"Max* 192.168.133.33 {change} {read} all 8" in said[1]
+    assert f"Max* 192.168.133.33 {read} {change} all 8" in said[2]
+    assert said[3] == "true"
+    assert said[4].endswith("The display filter is not valid, so nothing is left out: wrong")
+    assert said[5] == "DS47 statistics 1 of 8 transactions (1 ok), 0 findings Display filter: right"
+    assert said[6].startswith("DS47 statistics 8 transactions (4 ok, 1 partial, ")
+    assert "Display filter" not in said[6]
+    assert said[7] == "Drives: control and status word"
+
+
 def test_statistics_stand_behind_the_packet_list(shark: Run, plugin: list[str], tour: Path) -> None:
     lines = shark(*plugin, *asked("statistics"), "-r", tour).out.split("DS47 statistics\n")
     assert len(lines) == 2
