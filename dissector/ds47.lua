@@ -50,6 +50,7 @@ local lists = require("ds47_ws.lists")
 local passes = require("ds47_ws.passes")
 local preferences = require("ds47_ws.preferences")
 local refilter = require("ds47_ws.refilter")
+local stats = require("ds47_ws.stats")
 local tables = require("ds47.spec.tables")
 local track = require("ds47_ws.track")
 local wanted_fields = require("ds47_ws.wanted")
@@ -347,6 +348,7 @@ function ds47.init()
   this_dissector = this_dissector or Dissector.get("ds47")
   words_dissector = words_dissector or Dissector.get("ds47_pzd")
   bus_dissector = bus_dissector or Dissector.get("ds47_profibus")
+  stats.begin()
   begin_anew()
 end
 
@@ -364,7 +366,7 @@ function stations.draw()
   if not WINDOW then passes.finish(track.lang) end
 end
 
-require("ds47_ws.stats").register(track, arguments)
+stats.register(track, arguments)
 if WINDOW then refilter.begin(function() return track.lang end) end
 require("ds47_ws.menu").register(track, { version = tables.version, path = source })
 if WINDOW and register_packet_menu then require("ds47_ws.packet_menu").register(track) end -- 4.0 has none

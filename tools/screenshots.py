@@ -28,7 +28,8 @@ RUNNING = 29  # the same in the capture of the tutorial
 LIST = "gui.geometry_main_upper_pane: 330\ngui.geometry_main_lower_pane: 880\n"
 PACKET_MENU = 6  # entries of the menu of a packet up to ours
 SEND_INSTEAD = 11  # lines of that finding up to the bytes
-IO_GRAPHS = 6  # entries of the menu Statistics before this one
+IO_GRAPHS, FLOW_GRAPH = 6, 18  # entries of the menu Statistics before these
+CHANGES = 'ds47.operation == "change"'
 
 
 class Pictures:
@@ -39,7 +40,7 @@ class Pictures:
 
     def open(self, capture: Path, *arguments: str) -> Wireshark:
         """A window with a list of some ten frames."""
-        size = (1400, 900)
+        size = (1366, 900)
         return Wireshark(capture, *arguments, program=self.program, size=size, recent=LIST)
 
     def take(self, shown: Wireshark, name: str, window: str, crop: str = "") -> None:
@@ -63,9 +64,10 @@ class Pictures:
             self.take(shown, "wireshark-menu", "root", "720x840+0+0")
             shown.keys("Escape", "Escape")
             self._packet_menu(shown)
-            self._statistics(shown)
             self._expert(shown)
             self._graph(shown, "wireshark-graph")
+        with self.open(LONG, "-Y", CHANGES) as shown:
+            self._statistics(shown)
 
     def _tree(self, shown: Wireshark) -> None:
         """Our tree, which is the last one, at the top of its pane opened; the list a bit further."""
@@ -121,6 +123,17 @@ class Pictures:
         self.take(shown, name, window)
         shown.close_window(window)
 
+    def _flow(self, shown: Wireshark) -> None:
+        """The flow graph of the frames that the filter shows, to which 4.4 limits it by itself."""
+        shown.focus(shown.main)
+        shown.keys("alt+s")
+        shown.keys(*["Down"] * FLOW_GRAPH, "Return")
+        window = shown.window("Flow")
+        shown.wait_until_loaded()
+        shown.place(window, 960, 660)
+        self.take(shown, "wireshark-flow", window)
+        shown.close_window(window)
+
     def of_what_to_send(self) -> None:
         """The request of a refused change: its finding with the bytes to send instead, in a tab of their own."""
         with self.open(LONG, "-g", str(WRONG_TYPE)) as shown:
@@ -137,6 +150,8 @@ class Pictures:
         with self.open(TOUR, "-g", str(RUNNING)) as shown:
             self._tree(shown)
             self.take(shown, "wireshark-tour", shown.main)
+        with self.open(TOUR, "-Y", "ds47") as shown:
+            self._flow(shown)
 
     def of_a_drive(self) -> None:
         """A drive that starts and stops: the window of drives, setpoint and actual value as a graph."""

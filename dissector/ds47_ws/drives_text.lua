@@ -63,11 +63,13 @@ end
 -- @param result what Analysis:ended() gives, with base_seconds
 function M.text(result, options)
   local lang = options and options.lang or "en"
-  local lines = { say(lang, "timeline_title") }
+  local lines, filter = { say(lang, "timeline_title") }, options and options.filter
+  if filter then append(lines, words.wrap(statistics.filter_line(filter, lang), statistics.WIDTH, 2)) end
+  local before = #lines
   for _, timeline in ipairs(result.timelines) do
     add_drive(lines, result.relations[timeline.relation], timeline, result.base_seconds, lang)
   end
-  if #lines == 1 then lines[2] = say(lang, "timeline_none") end
+  if #lines == before then lines[before + 1] = say(lang, "timeline_none") end
   return concat(lines, "\n") .. "\n"
 end
 

@@ -1,4 +1,5 @@
--- What a frame says in one sentence: the Info column, and the label of the tree.
+-- What a frame says in one sentence: the Info column, and the label of the tree. First stands what one looks
+-- for, parameters with their values: a narrow column, and a label of Flow Graph, cut the rest.
 --
 -- A *view* is one transaction as one frame shows it (track.lua makes them): {role, item = the transaction,
 -- parameters = those that the frame shows, message, response, complete}. Numbers, values, names and units are
@@ -14,23 +15,19 @@ local text_of = require("ds47.profidrive.formats").text_of
 local words = require("ds47.report.formatting")
 local error_texts = require("ds47.report.sentences")
 
-local concat, type = table.concat, type
+local concat, format, type = table.concat, string.format, type
 
 local M = {}
 
 local PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
 local NAMES_SHOWN = 2 -- with more parameters than these the line has no names
 
--- `ref 0x03`; a message may be too short to have one.
-local function reference(item)
-  local number = item.request_reference
-  return number and string.format("ref 0x%02X", number) or "ref ?"
-end
-
--- A text with the axis behind it: `ref 0x03, DO 2`.
-local function with_axis(text, item)
-  local axis = item.axis
-  return axis and string.format("%s, DO %d", text, axis) or text
+-- A text with the drive object and the reference behind it, which a message may be too short to have:
+-- `change request, DO 2, ref 0xC9`.
+local function of(item, text)
+  local axis, number = item.axis, item.request_reference
+  if axis then text = format("%s, DO %d", text, axis) end
+  return number and format("%s, ref 0x%02X", text, number) or text .. ", ref ?"
 end
 
 local language -- of the texts of error numbers, "en" or "zh"
@@ -43,7 +40,7 @@ local function error_of(failed)
   elseif failed.ak then
     text = error_texts.error_words(failed, language)
   end
-  if failed.info and failed.info ~= 0 then text = string.format("%s (info %d)", text, failed.info) end
+  if failed.info and failed.info ~= 0 then text = format("%s, info %d", text, failed.info) end
   return text
 end
 
@@ -56,15 +53,15 @@ local STYLES = entries(function(lang)
   return { [true] = with(" := "), [false] = with(" = ") }
 end)
 
--- What a sentence says around the values of a parameter: {style, address (with the name where names are
--- given), before and behind (a value), number_text (what makes the text of a number)}. Remembered where
--- parameters share what they are.
+-- What a sentence says around the values of a parameter: {style, address, before and behind (a value, up to
+-- what follows), name (false or nil where none is given), number_text (what makes the text of a number)}.
+-- Remembered where parameters share what they are.
 local function words_of(item, style)
-  local address, name = words.address(item), style.named and words.name(item, style.lang)
-  address = name and address .. " (" .. name .. ")" or address
+  local address = words.address(item)
   local found = {
     style = style, address = address, before = address .. style.sign,
-    behind = item.unit and " " .. words.escape(item.unit) or "", number_text = text_of(item.format),
+    behind = item.unit and " " .. words.escape(item.unit) .. ", " or ", ",
+    name = style.named and words.name(item, style.lang), number_text = text_of(item.format),
     is_described = descriptions.is_about(item.attribute),
   }
   local class = getmetatable(item)
@@ -72,34 +69,41 @@ local function words_of(item, style)
   return found
 end
 
--- A text with one more parameter: `p50303[0] = 10.0`, ` := ` as the sign where the value was written,
--- `: 0x02 ...` where it failed; with the name of a known one: `p1082[0] (Maximum speed)`.
--- @param separator what stands between the two
-local function with_parameter(text, separator, item, style)
+-- A text with one more parameter behind it, and the name of a known one: `p50303[0] = 10.0, `, ` := ` as the
+-- sign where the value was written, `: 0x02 ...` where it failed.
+local function with_parameter(text, item, style)
   local around, values, failed = item.words, item.values, item.error
   if around == nil or around.style ~= style then around = words_of(item, style) end
-  local value = values[1]
-  if failed then return text .. separator .. around.address .. ": " .. error_of(failed) end
-  if value == nil then return text .. separator .. around.address end
+  local value, name = values[1], around.name
+  if failed then return text .. around.address .. ": " .. error_of(failed) .. ", ", name end
+  if value == nil then return text .. around.address .. ", ", name end
   local described = around.is_described and descriptions.parts(item, words, style.lang)
-  if described then return text .. separator .. around.before .. concat(described, ", ") end
+  if described then return text .. around.before .. concat(described, ", ") .. ", ", name end
   if descriptions.stated(item) > 1 or item.scaled then
-    return text .. separator .. around.before .. words.with_unit(item)
+    return text .. around.before .. words.with_unit(item) .. ", ", name
   end
   local shown = type(value) == "number" and around.number_text(value) or words.value(value, item.format)
   item.shown = shown -- the tree shows it, too
-  return text .. separator .. around.before .. shown .. around.behind
+  return text .. around.before .. shown .. around.behind, name
 end
 
--- A text with what a sentence says of the parameters of a transaction that is called so.
-local function with_list(text, parameters, operation)
-  local count, separator = #parameters, ": "
+-- What a sentence says of the parameters of a transaction that is called so, up to what follows, and their
+-- names for its end: of one ` (Maximum speed)`, of two with their addresses.
+local function list_of(parameters, operation)
+  local count, text, names = #parameters, "", ""
   local shown = count > PARAMETERS_SHOWN and PARAMETERS_SHOWN or count
   local style = STYLES[language][operation == "change"][count <= NAMES_SHOWN]
   for number = 1, shown do
-    text, separator = with_parameter(text, separator, parameters[number], style), ", "
+    local item = parameters[number]
+    local longer, name = with_parameter(text, item, style)
+    text = longer
+    if name then
+      if count > 1 then name = words.address(item) .. " " .. name end
+      names = names == "" and name or names .. ", " .. name
+    end
   end
-  return count > shown and string.format("%s, ... and %d more", text, count - shown) or text
+  if count > shown then text = format("%s... and %d more, ", text, count - shown) end
+  return text, names == "" and names or " (" .. names .. ")"
 end
 
 -- What a sentence says of the parameters of a request, remembered where equal ones share it
@@ -110,12 +114,12 @@ local function list_asked(view)
   local peer = job and job.peer or item
   local whose = peer.family or peer.vendor_id or false
   if shared == nil or (job or item).meanings then -- which are those of one transaction
-    return with_list("", view.parameters, item.operation)
+    return list_of(view.parameters, item.operation)
   elseif shared.listed_for ~= whose or shared.listed_in ~= language then -- names and units are of both
-    shared.listed, shared.listed_for = with_list("", view.parameters, item.operation), whose
-    shared.listed_in = language
+    shared.listed, shared.listed_names = list_of(view.parameters, item.operation)
+    shared.listed_for, shared.listed_in = whose, language
   end
-  return shared.listed
+  return shared.listed, shared.listed_names
 end
 
 local function refusal(word) return status.status_hex(word) .. " " .. status.status_text(word) end
@@ -124,53 +128,47 @@ local function asked(view)
   local operation = view.item.operation
   if operation == "read" or operation == "change" then return operation end
   local id = view.message and view.message.request_id
-  return id and string.format("%s 0x%02X", operation, id) or operation
+  return id and format("%s 0x%02X", operation, id) or operation
 end
 
 local sentences = {}
 
 function sentences.write_request(view)
-  return with_axis(asked(view) .. " request " .. reference(view.item), view.item) .. list_asked(view)
+  local list, names = list_asked(view)
+  return list .. of(view.item, asked(view) .. " request") .. names
 end
 
 function sentences.write_response(view)
-  local item = view.item
-  local word = item.write_status
-  if word == nil then return "write failed " .. reference(item) end
-  if word == 0 then return "write accepted " .. reference(item) end
-  return "write refused " .. reference(item) .. ": " .. refusal(word)
+  local word = view.item.write_status
+  local how = word == nil and "failed" or word == 0 and "accepted" or "refused: " .. refusal(word)
+  return of(view.item, "write " .. how)
 end
 
-function sentences.read_request(view)
-  return with_axis("fetch response " .. reference(view.item), view.item)
-end
+function sentences.read_request(view) return of(view.item, "fetch response") end
 
-function sentences.poll(view) return "read poll " .. reference(view.item) .. ": not ready" end
+function sentences.poll(view) return of(view.item, "read poll: not ready") end
 
--- How a record of the drive is called: where parameters failed by the state that comes of it.
-local function outcome(view)
+-- What a record of the drive says; where parameters failed it is called by the state that comes of it.
+local function answered(view, prefix)
   local item = view.item
-  local failing = item.failing
-  local how = failing and words.state("en", failing) or "response " .. reference(item)
-  return with_axis(asked(view) .. " " .. how, item)
+  local how = item.failing and words.state("en", item.failing) or "response"
+  local list, names = list_of(view.parameters, item.operation)
+  return list .. of(item, prefix .. asked(view) .. " " .. how) .. names
 end
 
 function sentences.read_response(view)
-  local item = view.item
-  local word = item.read_status
-  if word and word ~= 0 then return "read refused " .. reference(item) .. ": " .. refusal(word) end
-  return with_list(outcome(view), view.parameters, item.operation)
+  local word = view.item.read_status
+  if word and word ~= 0 then return of(view.item, "read refused: " .. refusal(word)) end
+  return answered(view, "")
 end
 
-function sentences.reread(view)
-  return with_list("read again: " .. outcome(view), view.parameters, view.item.operation)
-end
+function sentences.reread(view) return answered(view, "read again: ") end
 
--- A request or a response of PKW: `PKW read response p1082[0] = 50.0`.
+-- A request or a response of PKW: `p1082[0] = 50.0, PKW read response (Maximum speed)`.
 local function pkw_sentence(view)
-  local kind, operation = view.role == "write_request" and " request " or " response ", view.item.operation
-  local style = STYLES[language][operation == "change"][true]
-  return with_parameter("PKW " .. operation, kind, view.parameters[1], style)
+  local kind, operation = view.role == "write_request" and " request" or " response", view.item.operation
+  local list, names = list_of(view.parameters, operation)
+  return list .. "PKW " .. operation .. kind .. names
 end
 
 --- The sentence of one view; error numbers in "en" or "zh".
@@ -209,15 +207,15 @@ function M.what(events, lang) return with_state(names(events, lang), events[#eve
 
 --- The word of an event as it was and as it is, `STW1 047E -> 047F`.
 function M.word(event)
-  local before = event.before and string.format("%04X -> ", event.before) or ""
-  return string.format("%s %s%04X", event.word, before, event.after)
+  local before = event.before and format("%04X -> ", event.before) or ""
+  return format("%s %s%04X", event.word, before, event.after)
 end
 
 -- The same with the word, `ON (STW1 047E -> 047F)`: the state only where the drive itself says it.
 local function of_word(events, lang)
   local text, event = names(events, lang), events[#events]
   if event.word == nil then return text end
-  text = string.format("%s (%s)", text, M.word(event))
+  text = format("%s (%s)", text, M.word(event))
   return event.word == "ZSW1" and with_state(text, event, lang) or text
 end
 

@@ -14,6 +14,10 @@ local M = {}
 
 local OLDEST = { 3, 4 } -- the oldest Wireshark that the plugin is tested with
 local DRIVES = "Drives: control and status word"
+-- Buttons, and what they sort the tables of statistics by.
+local SORTS = {
+  { "By count", "count" }, { "By time", "time" }, { "By frame", "frame" }, { "By device", "device" },
+}
 local NAME = "^ds47.*%.lua$" -- a plugin file: ds47.lua or the single file ds47-2_0_0_dev0.lua
 
 local function show(title, text)
@@ -32,13 +36,43 @@ local function count_frames()
   return frames
 end
 
--- A window with one of the texts of stats.lua, which can be made anew while a capture goes on.
-local function show_text(track, kind, title)
-  local options = stats.options(track)
-  local window
-  local function fill() window:set(stats.text(kind, track, options)) end
+-- The filter of the main window, and the frames that it shows; nil without one, and no frames where it is not
+-- valid.
+local function main_filter()
+  local filter = get_filter()
+  if not filter or filter:match("^%s*$") then return nil end
+  local listener, shown = stats.listener(filter)
+  if listener then
+    retap_packets()
+    listener:remove()
+  end
+  return filter, shown
+end
+
+-- A window with one of the texts of stats.lua about what the display filter shows. *Refresh* takes the filter
+-- that there is then, and what a capture has brought since.
+-- @param sorts names of buttons and what they sort tables by; the same one again turns the order round
+local function show_text(track, kind, title, sorts)
+  local window, options, result, text, order
+  local function show_again()
+    options.order = order
+    text = stats.text(kind, result, options)
+    window:set(text)
+  end
+  local function fill()
+    options, result = stats.filtered(track, stats.options(track), main_filter())
+    show_again()
+  end
   window = TextWindow.new(title)
   fill()
+  for _, sort in ipairs(sorts) do
+    window:add_button(sort[1], function()
+      local by = sort[2]
+      order = { by = by, reversed = order ~= nil and order.by == by and not order.reversed }
+      show_again()
+    end)
+  end
+  window:add_button("Copy", function() copy_to_clipboard(text) end)
   window:add_button("Refresh", fill)
 end
 
@@ -80,7 +114,7 @@ local function ask_and_save(track)
   local function chosen(text)
     local options = stats.options(track, count_frames())
     local lines = M.save(function(kind)
-      return stats.text(kind, track, options)
+      return stats.text(kind, track.result(), options)
     end, text, lang)
     show(title, table.concat(lines, "\n") .. "\n")
   end
@@ -197,8 +231,8 @@ function M.register(track, info)
   if not gui_enabled() then return end
   info = info or {}
   local function entry(name, action) register_menu("DS47/" .. name, action, MENU_TOOLS_UNSORTED) end
-  local function statistics() show_text(track, "statistics", "DS47 statistics") end
-  local function drives() show_text(track, "drives", "DS47 drives") end
+  local function statistics() show_text(track, "statistics", "DS47 statistics", SORTS) end
+  local function drives() show_text(track, "drives", "DS47 drives", {}) end
   -- Before 4.6 the menu Statistics has no submenus of scripts: a name with a slash stands there as it is.
   register_menu("DS47 Statistics", statistics, MENU_STAT_UNSORTED)
   register_menu("DS47 Drives", drives, MENU_STAT_UNSORTED)

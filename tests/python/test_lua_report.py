@@ -564,10 +564,12 @@ def timed(number: int, milliseconds: int | None, **changes: Any) -> Transaction:
     return handmade.transaction(**usual | changes)
 
 
-def statistics(lua: Run, *transactions: Transaction, shares: Any = (), **changes: Any) -> str:
+def statistics(
+    lua: Run, *transactions: Transaction, shares: Any = (), order: Any = None, **changes: Any
+) -> str:
     """The statistics; `shares` has the times of the drive in ms, one a transaction."""
     result = CaptureResult("line.pcapng", frames=99, transactions=list(transactions), **changes)
-    wanted = job("statistics", result)
+    wanted = job("statistics", result, **({"order": order} if order else {}))
     for each, share in zip(wanted["result"]["transactions"], shares, strict=False):
         each["drive_ns"] = share * 1_000_000
     return lua([wanted])[0]
@@ -694,6 +696,61 @@ def test_who_has_no_response_is_listed_in_the_order_of_the_capture(lua: Run) -> 
         ["12", "#3", "superseded"],
         ["24", "#6", "unanswered"],
     ]
+
+
+NEAR, FAR = "192.168.0.9", "192.168.0.10"
+ORDERS = {
+    "": ([FAR, "read", "change", NEAR, "read", "all"], ["#2", "#4", "#1", "#5"], ["#3", "#6"]),
+    "device": (
+        [NEAR, "read", FAR, "read", "change", "all"],
+        ["#4", "#2", "#1", "#5"],
+        ["#6", "#3"],
+    ),
+    "time": ([FAR, "change", "read", NEAR, "read", "all"], ["#2", "#4", "#1", "#5"], ["#3", "#6"]),
+    "-time": ([FAR, "read", "change", NEAR, "read", "all"], ["#5", "#1", "#4", "#2"], ["#3", "#6"]),
+    "count": ([FAR, "read", "change", NEAR, "read", "all"], ["#2", "#4", "#1", "#5"], ["#3", "#6"]),
+    "-count": (
+        [FAR, "change", "read", NEAR, "read", "all"],
+        ["#2", "#4", "#1", "#5"],
+        ["#3", "#6"],
+    ),
+    "frame": ([FAR, "read", "change", NEAR, "read", "all"], ["#1", "#2", "#4", "#5"], ["#3", "#6"]),
+    "-frame": (
+        [FAR, "read", "change", NEAR, "read", "all"],
+        ["#5", "#4", "#2", "#1"],
+        ["#6", "#3"],
+    ),
+}
+"""Order, with a minus the other way round -> first cells of times, numbers of the slowest, and of those without a
+response. By device the numbers in an address count as such."""
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_tables_are_sorted_by_the_column_that_was_chosen(lua: Run, order: str) -> None:
+    jobs = [
+        timed(1, 5, device=FAR),
+        timed(2, 9, device=FAR, operation="change"),
+        timed(3, None, device=FAR, state="unanswered"),
+        timed(4, 7, device=NEAR),
+        timed(5, 1, device=FAR),
+        timed(6, None, device=NEAR, state="unanswered"),
+    ]
+    chosen = {"by": order.removeprefix("-"), "reversed": order.startswith("-")} if order else None
+    text = statistics(lua, *jobs, order=chosen)
+    times, slowest, none = ORDERS[order]
+    assert [row[0] for row in rows(text, RESPONSE_TIME)] == times
+    assert [row[2] for row in rows(text, SLOWEST, 2)] == slowest
+    assert [row[1] for row in rows(text, OPEN, 2)] == none
+    heads = {"time": "Max*", "count": "Count*", "device": "Device*", "frame": "Frame*"}
+    marked = {head for head in heads.values() if head in text}
+    assert marked == ({heads[order.removeprefix("-")]} if order else set())
+
+
+def test_a_number_that_is_missing_comes_last_either_way(lua: Run) -> None:
+    jobs = [timed(1, None), timed(2, 3, operation="change")]
+    for reverse in (False, True):
+        text = statistics(lua, *jobs, order={"by": "time", "reversed": reverse})
+        assert [row[0] for row in rows(text, RESPONSE_TIME)] == [A, "change", "read", "all"]
 
 
 def test_a_table_has_fifty_rows_and_says_how_many_more_there_are(lua: Run) -> None:

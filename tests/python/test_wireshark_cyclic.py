@@ -181,10 +181,10 @@ def test_the_sentence_of_a_frame(tshark: Tshark, path: Path) -> None:
     """As the packet list has it: 4.6 fills the fields of the columns before a postdissector comes."""
     lines = tshark("-r", path, *COMPLETE, "-Y", "ds47").splitlines()
     assert [line[line.index(" DS47 ") + 1 :].split(" ", 2)[2] for line in lines] == [
-        "PKW read request p1082[0] (Maximum speed)",
-        "PKW read response p1082[0] (Maximum speed) = 50.0 rpm",
-        "PKW change request p1082[0] (Maximum speed) := 40.0 rpm",
-        "PKW change response p1082[0] (Maximum speed): 17 Not possible in this operating state",
+        "p1082[0], PKW read request (Maximum speed)",
+        "p1082[0] = 50.0 rpm, PKW read response (Maximum speed)",
+        "p1082[0] := 40.0 rpm, PKW change request (Maximum speed)",
+        "p1082[0]: 17 Not possible in this operating state, PKW change response (Maximum speed)",
     ]
 
 

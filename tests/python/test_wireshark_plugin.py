@@ -820,27 +820,28 @@ def play_sentences(client: Client) -> None:
 
 
 SENTENCES = [
-    "read request ref 0x03, DO 2: p50303[0] (Ramp-function generator ramp-up time 1)",
-    "write accepted ref 0x03",
-    "fetch response ref 0x03, DO 2",
-    "read response ref 0x03, DO 2: p50303[0] (Ramp-function generator ramp-up time 1) = 10.0 s",
-    "change request ref 0x04, DO 2: p50304[0] (Ramp-function generator ramp-down time 1) := 5.0 s",
-    "write accepted ref 0x04",
-    "fetch response ref 0x04, DO 2",
-    "read poll ref 0x04: not ready",
-    "fetch response ref 0x04, DO 2",
-    "change error, DO 2: p50304[0] (Ramp-function generator ramp-down time 1): "
-    "0x02 Below or above the value limit",
-    "read request ref 0x05, DO 2: p0001[2..4]",
-    "write refused ref 0x05: DF80B700 write: access: invalid range",
-    "read request ref 0x06, DO 2: p0001[0], r0002[0], p0003[0], p0004[0], p0005[0], p0006[0], ... and 14 more",
-    "write accepted ref 0x06",
-    "fetch response ref 0x06, DO 2",
-    "read partial, DO 2: p0001[0] = 7, "
+    "p50303[0], read request, DO 2, ref 0x03 (Ramp-function generator ramp-up time 1)",
+    "write accepted, DO 2, ref 0x03",
+    "fetch response, DO 2, ref 0x03",
+    "p50303[0] = 10.0 s, read response, DO 2, ref 0x03 (Ramp-function generator ramp-up time 1)",
+    "p50304[0] := 5.0 s, change request, DO 2, ref 0x04 (Ramp-function generator ramp-down time 1)",
+    "write accepted, DO 2, ref 0x04",
+    "fetch response, DO 2, ref 0x04",
+    "read poll: not ready, DO 2, ref 0x04",
+    "fetch response, DO 2, ref 0x04",
+    "p50304[0]: 0x02 Below or above the value limit, change error, DO 2, ref 0x04 "
+    "(Ramp-function generator ramp-down time 1)",
+    "p0001[2..4], read request, DO 2, ref 0x05",
+    "write refused: DF80B700 write: access: invalid range, DO 2, ref 0x05",
+    "p0001[0], r0002[0], p0003[0], p0004[0], p0005[0], p0006[0], ... and 14 more, "
+    "read request, DO 2, ref 0x06",
+    "write accepted, DO 2, ref 0x06",
+    "fetch response, DO 2, ref 0x06",
+    "p0001[0] = 7, "
     + "".join(
-        f"{element(n, 0)}: 0x01 Parameter value cannot be changed (info 2), " for n in range(2, 7)
+        f"{element(n, 0)}: 0x01 Parameter value cannot be changed, info 2, " for n in range(2, 7)
     )
-    + "... and 14 more",
+    + "... and 14 more, read partial, DO 2, ref 0x06",
 ]
 
 
@@ -862,14 +863,15 @@ def test_the_protocol_tree_begins_with_the_sentence(tshark: Tshark, make: Any) -
 def test_the_info_column_has_names_and_units(tshark: Tshark) -> None:
     """Of one parameter or two; with more the line grows long."""
     said = sentences(tshark("-r", CAPTURES["tour-machine.pcapng"], *COMPLETE, "-Y", "ds47"))
-    ramp = "(Ramp-function generator ramp-down time 1)"
-    assert said[11] == f"change response ref 0x02, DO 2: p50304[0] {ramp} := 100.0 s"
-    assert said[24] == "change request ref 0x06, DO 2: p50076[1] := 100.0"
+    ramp = "Ramp-function generator ramp-up time 1"
+    assert said[0] == f"p50303[0], read request, DO 2, ref 0x01 ({ramp})"
+    assert said[24] == "p50076[1] := 100.0, change request, DO 2, ref 0x06"
+    assert said[28] == f"p50303[0], p50999[0], read request, DO 2, ref 0x07 (p50303[0] {ramp})"
     said = sentences(tshark("-r", CAPTURES["tour-machine.pcapng"], *COMPLETE, "-Y", "ds47",
                             "-o", "ds47.language:zh"))  # fmt: skip
     assert (
         said[11]
-        == "change response ref 0x02, DO 2: p50304[0] (斜坡函数发生器斜坡下降时间 1) := 100.0 s"
+        == "p50304[0] := 100.0 s, change response, DO 2, ref 0x02 (斜坡函数发生器斜坡下降时间 1)"
     )
 
 

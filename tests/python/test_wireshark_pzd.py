@@ -408,7 +408,7 @@ def test_data_that_is_not_valid_has_neither_state_nor_values(
 def test_pkw_and_pzd_stand_in_one_frame(tshark: Tshark, tmp_path: Path) -> None:
     path = scene("start-and-stop", tmp_path)
     both = tshark("-r", path, *COMPLETE, "-Y", "ds47.pkw && ds47.pzd", "-V")
-    assert "DS47 PKW read request p1082[0]" in both
+    assert "DS47 p1082[0], PKW read request" in both
     assert "DS47 PZD: STW1 16#047F" in both
 
 

@@ -172,6 +172,104 @@ def test_statistics_are_the_same_however_the_file_is_read(
     assert re.search(r"^  DS410  error +2 +29  \S", said[0], re.MULTILINE)
 
 
+@pytest.mark.parametrize("passes", [[], ["-2"], ["-2", "-R", "frame"]])
+@pytest.mark.parametrize(
+    ("filtering", "begins"),
+    [
+        ("frame.number <= 17", "37 frames, 3 of 8 transactions (3 ok), 1 finding\n"),
+        ("ds47.pnu == 50303", "37 frames, 4 of 8 transactions (1 ok, 1 partial, 1 refused, 1\n"),
+        ("frame.number == 8", "37 frames, 1 of 8 transactions (1 ok), 0 findings\n"),  # a poll
+        ("frame.number == 1", "37 frames, 0 of 8 transactions, 0 findings\n"),
+    ],
+)
+def test_statistics_of_what_a_filter_shows(
+    shark: Run, plugin: list[str], tour: Path, passes: list[str], filtering: str, begins: str
+) -> None:
+    wanted = asked("statistics", f"filter={filtering}")
+    said = shark(*passes, "-q", *plugin, *wanted, "-r", tour).out
+    assert said.startswith(f"DS47 statistics\n{begins}")
+    assert f"\nDisplay filter: {filtering}\n\n" in said
+
+
+def test_a_filter_narrows_drives_and_rows_and_no_report(
+    shark: Run, plugin: list[str], tour: Path, captures: Path
+) -> None:
+    wanted = asked("drives", "filter=frame.number < 300")
+    said = shark("-q", *plugin, *wanted, "-r", captures / "cyclic-longer-ramp.pcapng").out
+    assert "Display filter: frame.number < 300\n" in said
+    assert "telegram 1: 11 events\n" in said
+    wanted = asked("csv", "filter=ds47.pnu == 50076")
+    rows = list(csv.DictReader(io.StringIO(shark("-q", *plugin, *wanted, "-r", tour).out)))
+    assert [row["pnu"] for row in rows] == ["50076"]
+    wanted = asked("report", "filter=ds47.pnu == 50076")
+    assert shark("-q", *plugin, *wanted, "-r", tour).out.startswith("37 frames\n8 transactions")
+
+
+def test_a_filter_that_is_none_prints_nothing(shark: Run, plugin: list[str], tour: Path) -> None:
+    said = shark("-q", *plugin, *asked("statistics", "filter=nothing =="), "-r", tour)
+    assert said.out == ""
+    assert "ds47: not a display filter: nothing ==" in said.err
+
+
+WINDOW = """
+local actions, buttons, filter, text, copied = {}, {}, "", nil, nil
+function _G.gui_enabled() return true end
+function _G.register_menu(name, action) actions[name] = action end
+function _G.get_filter() return filter end
+function _G.retap_packets() end
+function _G.copy_to_clipboard(given) copied = given end
+local window = { set = function(_, given) text = given end }
+function window:add_button(name, action) buttons[name] = action end
+_G.TextWindow = { new = function() return window end }
+require("ds47_ws.stats").listener = function(given) -- which shows a frame of the second transaction
+  if given ~= "wrong" then return { remove = function() end }, { [6] = true } end
+end
+require("ds47_ws.menu").register(require("ds47_ws.track"))
+local listener = Listener.new("frame")
+local function times() return text:match("Max.-\\n\\n"):gsub("[%s-]+", " ") end
+function listener.draw()
+  actions["DS47 Statistics"]()
+  print(text:match("\\n(.-)\\n"), times())
+  buttons["By time"]()
+  print(times())
+  buttons["By time"]()
+  print(times())
+  buttons.Copy()
+  print(copied == text)
+  for _, each in ipairs({ "wrong", "right", " " }) do
+    filter = each
+    buttons.Refresh()
+    print((text:match("^(.-)\\n\\n"):gsub("%s+", " ")))
+  end
+  actions["DS47 Drives"]()
+  print(text:match("^(.-)\\n"))
+end
+"""
+
+
+def test_the_window_of_statistics(
+    shark: Run, plugin: list[str], tour: Path, tmp_path: Path
+) -> None:
+    """tshark has none, so a script plays it; which frames a filter shows is Wireshark's business."""
+    script = tmp_path / "window.lua"
+    script.write_text(WINDOW, encoding="utf-8")
+    said = shark("-q", *plugin, "-X", f"lua_script:{script}", "-r", tour).out.splitlines()
+    read, change = (
+        "read 4 4 3.000 4.000 3.000 7.000 7.000",
+        "change 4 2 3.000 15.000 3.000 27.000 27.000",
+    )
+    assert said[0].startswith("8 transactions (4 ok, 1 partial, ")
+    assert f"Max 192.168.133.33 {read} {change} all 8" in said[0]
+    assert f"Max* 192.168.133.33 {change} {read} all 8" in said[1]
+    assert f"Max* 192.168.133.33 {read} {change} all 8" in said[2]
+    assert said[3] == "true"
+    assert said[4].endswith("The display filter is not valid, so nothing is left out: wrong")
+    assert said[5] == "DS47 statistics 1 of 8 transactions (1 ok), 0 findings Display filter: right"
+    assert said[6].startswith("DS47 statistics 8 transactions (4 ok, 1 partial, ")
+    assert "Display filter" not in said[6]
+    assert said[7] == "Drives: control and status word"
+
+
 def test_statistics_stand_behind_the_packet_list(shark: Run, plugin: list[str], tour: Path) -> None:
     lines = shark(*plugin, *asked("statistics"), "-r", tour).out.split("DS47 statistics\n")
     assert len(lines) == 2
@@ -278,8 +376,25 @@ def test_columns_of_the_profile(
     assert "warning" not in said.err.lower()
     line = said.out.splitlines()[12].split()
     assert line[:2] == ["13", "0.282000000"]
-    assert line[5:11] == ["DS47", "2", "ok", "change", "50304", "100.0"]
-    assert line[11:13] == ["100", "27"]  # the value as a number, and milliseconds
+    assert line[5:12] == ["DS47", "2", "ok", "27", "p50304[0]", ":=", "100.0"]  # others are hidden
+
+
+def test_hidden_columns_of_the_profile(
+    shark: Run, plugin: list[str], profile: list[str], tour: Path, captures: Path
+) -> None:
+    """Those of several parameters stay with their values, and PKW has the same column."""
+    seen = ["-o", "gui.column.hidden:%m,%t,%s,%d,%p,%i"]
+    ways = *profile, *plugin, *seen, "-2", "-R", "frame"
+    lines = [line.split() for line in shark(*ways, "-r", tour).out.splitlines()]
+    assert lines[12][:3] == ["2", "ok", "27"]
+    assert lines[12][3] == "change"
+    assert lines[12][4].startswith("p50304[0]")
+    assert lines[12][-4:] == [":=", "100.0", "s", "100"]
+    assert "p50303[0] (Ramp-function generator ramp-up time 1) = 10.0 s,p50999[0] error 0x00: " in (
+        shark(*ways, "-r", tour).out
+    )
+    said = shark(*ways, "-r", captures / "profibus-ppo1-start.pcapng").out
+    assert "change P1082[0] (Maximum frequency) := 40.0 Hz 40" in re.sub(r" +", " ", said)
 
 
 def colours(shark: Run, *arguments: str | Path) -> dict[str, str]:

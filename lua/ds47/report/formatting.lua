@@ -89,7 +89,7 @@ function M.say(lang, key, values)
   local known = tables.report_words[key]
   local text = lang == "zh" and known.zh or known.en
   local one, several = text:match("^(.*)|(.*)$")
-  if one then text = values.n == 1 and one or several end
+  if one then text = tonumber(values.n) == 1 and one or several end
   return (gsub(text, "{([%w_]+)}", function(name)
     local value = values[name]
     return type(value) == "number" and M.grouped(value) or tostring(value)
@@ -166,7 +166,8 @@ function M.with_unit(item, lang)
   if item.scaled and #item.scaled > 0 then
     unit = " (" .. M.values(item.scaled, item.format, true, lang) .. unit .. ")"
   end
-  return M.values(item.values, item.format, false, lang, M.stated(item)) .. unit
+  -- `shown`: an only value that was written out before
+  return (item.shown or M.values(item.values, item.format, false, lang, M.stated(item))) .. unit
 end
 
 --- `Maximum speed`; as the drive calls it in quotes, `"Max_frequency"`; nil where it has no name.

@@ -29,6 +29,13 @@ local OPEN = { unanswered = true, superseded = true, incomplete = true }
 
 local COLUMNS, RIGHT = tables.statistics.columns, tables.statistics.right
 
+--- What tables can be sorted by -> the column of one that has it. Of counts and times the greatest is first.
+M.ORDERS = {
+  count = { count = true }, time = { max = true, took = true }, frame = { frame = true },
+  device = { device = true },
+}
+local GREATEST_FIRST = { count = true, time = true }
+
 local function word(lang, key, values) return say(lang, "statistics_" .. key, values) end
 
 -- From a second on nobody looks at microseconds.
@@ -37,6 +44,42 @@ local function milliseconds(nanoseconds)
 end
 
 local function number(value) return value and integer(value) or "-" end
+
+-- Order
+
+-- The column of the first lines of a table that decides its order; nil where it has none, or nobody chose.
+local function decisive(lines, order)
+  for _, keys in ipairs(order and lines or {}) do
+    for _, key in ipairs(keys) do
+      if M.ORDERS[order.by][key] then return key end
+    end
+  end
+  return nil
+end
+
+-- A cell as it is compared: a number, or a text in which numbers count as such.
+local function rank(cell)
+  if cell == nil or cell == "-" then return nil end
+  return tonumber(cell) or (cell:gsub("%d+", function(digits) return ("0"):rep(9 - #digits) .. digits end))
+end
+
+-- Rows by a column, equal ones as they were; those that have nothing there come last.
+local function sorted(rows, key, order)
+  local places, ranks = {}, {}
+  local descending = (GREATEST_FIRST[order.by] == true) ~= (order.reversed == true)
+  for place, row in ipairs(rows) do
+    places[row], ranks[row] = place, rank(row[key])
+  end
+  local found = arrays.mapped(rows, function(row) return row end)
+  sort(found, function(a, b)
+    local one, other = ranks[a], ranks[b]
+    if one == other then return places[a] < places[b] end
+    if one == nil or other == nil then return other == nil end
+    if descending then return one > other end
+    return one < other
+  end)
+  return found
+end
 
 -- Rows: tables of texts and counts by the keys of their columns
 
@@ -86,18 +129,29 @@ local function distribution(items, key)
   }
 end
 
--- A row for each group, before those of a device one that names it.
-local function response_times(groups, lang, key)
-  local rows, device = {}, nil
-  for _, group in ipairs(groups) do
-    if group.device ~= device then
-      device = group.device
-      rows[#rows + 1] = device and { heading = device }
-    end
+-- A row for each group, before those of a device one that names it: devices in the order of their first rows.
+local function response_times(groups, lang, key, order)
+  local devices, by_device, all = {}, {}, {}
+  local function row_of(group)
     local row = distribution(group.items, key)
-    row.operation = device and "  " .. say(lang, "operation_" .. group.operation) or word(lang, "all")
-    rows[#rows + 1] = row
+    row.device = group.device
+    row.operation = group.device and "  " .. say(lang, "operation_" .. group.operation) or word(lang, "all")
+    return row
   end
+  local rows = arrays.mapped(groups, row_of)
+  local column = order and (order.by == "device" and "device" or decisive(COLUMNS[key], order))
+  for _, row in ipairs(column and sorted(rows, column, order) or rows) do
+    local device = row.device
+    if device and not by_device[device] then devices[#devices + 1] = device end
+    arrays.push(by_device, device, row)
+    all[1] = device == nil and row or all[1]
+  end
+  rows = {}
+  for _, device in ipairs(devices) do
+    rows[#rows + 1] = { heading = device }
+    arrays.append(rows, by_device[device])
+  end
+  arrays.append(rows, all)
   return rows
 end
 
@@ -266,17 +320,21 @@ local function add_table(add, lines, rows)
 end
 
 --- A titled table; `none` where it has no row, and how many rows were left out.
+-- @param order nil, or what decides the order of rows: those of response times have theirs
 -- @param row_of nil or a function that gives the row of an entry of the list
-local function section(add, lang, name, list, row_of)
+local function section(add, lang, name, list, order, row_of)
   add("")
   add(word(lang, name), 0)
   if #list == 0 then
     add("  " .. word(lang, "none"))
     return
   end
-  local titles = {}
+  local titles, column = {}, decisive(COLUMNS[name], order)
   for _, keys in ipairs(COLUMNS[name]) do
-    for _, key in ipairs(keys) do titles[key] = word(lang, key) end
+    for _, key in ipairs(keys) do titles[key] = word(lang, key) .. (key == column and "*" or "") end
+  end
+  if column and not list[1].heading then
+    list, row_of = sorted(row_of and arrays.mapped(list, row_of) or list, column, order), nil
   end
   local rows = { titles }
   for place = 1, math.min(#list, ROWS) do
@@ -293,26 +351,36 @@ local function add_negative(add, lang, rows)
   if negative > 0 then add("  " .. word(lang, "negative", { n = integer(negative) })) end
 end
 
+--- The line about a display filter: {text, all = how many transactions there are without it; nil of a filter
+-- that is not valid}.
+function M.filter_line(filter, lang)
+  return word(lang, filter.all and "filter" or "no_filter", { filter = escape(filter.text) })
+end
+
 -- The numbers are given as text: they stand without commas here.
 local function heading(add, lang, result, options)
   local named = options.path and options.path ~= "-" -- "-": a file whose name nobody knows
   add(word(lang, "title") .. (named and ": " .. escape(options.path) or ""))
   local parts = {}
   if options.frames then parts[1] = say(lang, "frames", { n = integer(options.frames) }) end
-  local jobs = say(lang, "transactions", { n = integer(#result.transactions) })
+  local count, all = #result.transactions, options.filter and options.filter.all
+  local jobs = all and word(lang, "among", { n = integer(count), all = integer(all) })
+    or say(lang, "transactions", { n = integer(count) })
   local states = report_text.by_state(result.transactions, lang)
   parts[#parts + 1] = #states > 0 and jobs .. " (" .. concat(states, ", ") .. ")" or jobs
   parts[#parts + 1] = say(lang, "findings", { n = integer(#result.findings) })
   add(concat(parts, ", "), 2)
+  if options.filter then add(M.filter_line(options.filter, lang), 2) end
 end
 
 --- The statistics of one capture as text of fixed width.
 -- @param result what Analysis:ended() gives
--- @param options nil or {lang = "en" or "zh", path = name of the capture, frames = frames in it}
+-- @param options nil or {lang = "en" or "zh", path = name of the capture, frames = frames in it,
+--   order = nil or {by = one of ORDERS, reversed}, filter = nil or as `filter_line` has it}
 -- @return text, every line ended with LF
 function M.text(result, options)
   options = options or {}
-  local lang, transactions, lines = options.lang, result.transactions, {}
+  local lang, order, transactions, lines = options.lang, options.order, result.transactions, {}
   -- A line; of a text that may be too long the lines, all but the first behind `hanging` blanks.
   local function add(text, hanging)
     arrays.append(lines, hanging and words.wrap(text, M.WIDTH, hanging) or { text })
@@ -320,19 +388,19 @@ function M.text(result, options)
   heading(add, lang, result, options)
   local groups, names = groups_of(transactions), targets.new(transactions)
   for _, key in ipairs({ "duration", "drive" }) do
-    local rows = response_times(groups, lang, key)
-    section(add, lang, key, rows)
+    local rows = response_times(groups, lang, key, order)
+    section(add, lang, key, rows, order)
     add_negative(add, lang, rows)
   end
-  section(add, lang, "errors", errors(transactions, lang))
-  section(add, lang, "refusals", refusals(transactions, lang))
-  section(add, lang, "slowest", slowest(transactions), function(item)
+  section(add, lang, "errors", errors(transactions, lang), order)
+  section(add, lang, "refusals", refusals(transactions, lang), order)
+  section(add, lang, "slowest", slowest(transactions), order, function(item)
     return transaction_row(item, "read_response", names, lang)
   end)
-  section(add, lang, "unanswered", unanswered(transactions), function(item)
+  section(add, lang, "unanswered", unanswered(transactions), order, function(item)
     return transaction_row(item, "write_request", names, lang)
   end)
-  section(add, lang, "rules", rules(result.findings, lang))
+  section(add, lang, "rules", rules(result.findings, lang), order)
   add("")
   return concat(lines, "\n")
 end
