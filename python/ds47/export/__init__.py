@@ -76,6 +76,8 @@ _OPERATIONS = {
     RPC_CONTROL: "Control",
     RPC_READ_IMPLICIT: "ReadImplicit",
 }
+_MISPLACED = "DS707"
+"""The rule of requests that were written to another record."""
 
 
 @dataclass(slots=True)
@@ -323,6 +325,9 @@ def _description(message: TrackedMessage) -> str:
 
 def _knowledge(result: CaptureResult, options: AnalysisOptions, everything: bool) -> Knowledge:
     about = Knowledge(codec=options.codec, everything=everything)
+    about.misplaced = {
+        (each.frame, each.args["index"]) for each in result.findings if each.rule == _MISPLACED
+    }
     controllers = {each.controller for each in result.transactions}
     for each in result.transactions:
         if each.index is None:

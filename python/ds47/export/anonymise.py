@@ -66,12 +66,14 @@ class Knowledge:
         ours: controller, device, AR and index of the channels on which there is a transaction: index 47
             alone says nothing.
         asked: frame of a Read response -> the request it answers.
+        misplaced: frame and index of requests that were written to a record that is none of a channel.
         codec: dialects of the messages.
         everything: whether all values are replaced.
     """
 
     ours: set[tuple[str, str, bytes, int]] = field(default_factory=set)
     asked: dict[int, bytes] = field(default_factory=dict)
+    misplaced: set[tuple[int, int]] = field(default_factory=set)
     codec: Options = field(default_factory=Options)
     everything: bool = False
 
@@ -210,7 +212,8 @@ class Anonymiser:
         about = self._knowledge
         if pdu.opnum == RPC_READ_IMPLICIT:
             ar = NIL_UUID
-        if index not in ALWAYS and (pdu.client, pdu.server, ar, index) not in about.ours:
+        ours = (pdu.client, pdu.server, ar, index) in about.ours or index in ALWAYS
+        if not ours and (self._frame, index) not in about.misplaced:
             return stations.blank(content)
         vendor = (rpc.device_identity(pdu.object_uuid) or (None,))[0]
         if pdu.ptype == 0:
