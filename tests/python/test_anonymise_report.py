@@ -9,16 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from of_profibus import of_ethernet
-from test_anonymise import UNASKED, UNREAD
+from test_anonymise import EVERY, ONLY, UNASKED, UNREAD
 
-from ds47.analysis import AnalysisOptions
 from ds47.cli import main
 from ds47.export import Replacements, Selection, export
 
 CAPTURES = Path(__file__).resolve().parents[2] / "captures"
-EVERY = of_ethernet(sorted(CAPTURES.rglob("*.pcapng")))
-ONLY = AnalysisOptions(channels=("ds47",))
 OF_OTHER_BYTES = UNASKED | UNREAD | {"DS725"}
 """Values without their request, unread bytes; frames that the capture file counts as dropped."""
 SOME = [
