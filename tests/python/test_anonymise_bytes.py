@@ -204,6 +204,15 @@ def test_a_padding_of_values_only_shows_that_it_is_not_zero(tmp_path: Path) -> N
         assert copy[each.start : each.end] == b"\xa5"
 
 
+def test_what_stands_behind_the_lists_of_a_block_is_not_in_the_export() -> None:
+    cyclic, text = Cyclic(Client(Stage())), b"of customer"
+    diff = struct.pack(">HHHHIHHIHHHIH", 0x8104, 30, 0x100, 1, 0, 1, 2, 0x4700, 0, 1, 2, 0x4711, 7)
+    for block in (cyclic._relation(1, 0x8001), cyclic._expected(), diff):
+        longer = block[:2] + struct.pack(">H", len(block) - 4 + len(text)) + block[4:] + text
+        assert blocks._blocks(Replacements(), block) == block
+        assert blocks._blocks(Replacements(), longer) == longer[: len(block)] + bytes(len(text))
+
+
 def copied(export_: bytes, folder: Path) -> list[bytes]:
     """The frames of an export."""
     target = folder / "out.pcapng"

@@ -50,6 +50,12 @@ Record = Callable[[rpc.Pdu, bytes, int, bytes], bytes]
 """(message, AR, index, content) -> the content to write."""
 
 
+_Part = int | tuple["_Part", ...]
+"""So many bytes; or a list of such parts, with the number of its items (two bytes) in front."""
+_DESCRIPTIONS = 0
+"""The descriptions of the data of a submodule: two, if it has input and output (`_end`)."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Layout:
     """Where a block has what; everything else in it stays. Offsets from its start."""
@@ -61,7 +67,8 @@ class _Layout:
     name: int | None = None
     """Where the length (two bytes) of a station name stands, which ends the block."""
     size: int | None = None
-    """Of the whole block, where that is fixed; what stands behind it is not known."""
+    """Of the whole block, or of what stands in front of its lists; what stands behind is not known."""
+    lists: tuple[_Part, ...] = ()
     words: tuple[int, ...] = ()
     """Words (two bytes) that nobody needs: padding, or reserved."""
 
@@ -70,12 +77,12 @@ _LIFE = _Layout(uuids=(BLOCK_AR,), size=32, words=(6, 26))
 _BLOCKS: Mapping[int, _Layout] = {
     BLOCK_AR_REQUEST: _Layout(macs=(26,), uuids=(BLOCK_AR,), objects=(32,), name=56),
     BLOCK_AR_RESPONSE: _Layout(macs=(26,), uuids=(BLOCK_AR,), size=34),
-    BLOCK_IOCR_REQUEST: _Layout(macs=(38,)),
+    BLOCK_IOCR_REQUEST: _Layout(macs=(38,), size=44, lists=((4, (6,), (6,)),)),
     BLOCK_IOCR_RESPONSE: _Layout(size=12),
     0x0103: _Layout(size=26),  # AlarmCRBlockReq
     0x8103: _Layout(size=12),  # AlarmCRBlockRes
-    BLOCK_EXPECTED_SUBMODULES: _Layout(),
-    0x8104: _Layout(),  # ModuleDiffBlock
+    BLOCK_EXPECTED_SUBMODULES: _Layout(size=6, lists=((12, (8, _DESCRIPTIONS)),)),
+    0x8104: _Layout(size=6, lists=((4, (8, (8,))),)),  # ModuleDiffBlock
     0x0105: _Layout(objects=(6,), name=28),  # PrmServerBlock
     0x0106: _Layout(name=14),  # MCRBlockReq
     0x8106: _Layout(name=6),  # ARServerBlock
@@ -138,8 +145,25 @@ def _block(key: Replacements, block: bytes, layout: _Layout) -> bytes:
         out[start:end] = key.name(block[start:end])
         out[end:] = blank(block[end:])
     if layout.size is not None:
-        out[layout.size :] = blank(block[layout.size :])
+        end = _end(block, layout.size, layout.lists)
+        out[end:] = blank(block[end:])
     return bytes(out[: len(block)])
+
+
+def _end(block: bytes, at: int, parts: tuple[_Part, ...]) -> int:
+    """Where what begins at a place ends."""
+    for part in parts:
+        if isinstance(part, tuple):
+            count = int.from_bytes(block[at : at + 2], "big")
+            at += 2
+            while count and at < len(block):
+                at, count = _end(block, at, part), count - 1
+        elif part == _DESCRIPTIONS:
+            both = at <= len(block) and block[at - 1] & 3 == 3
+            at += 12 if both else 6
+        else:
+            at += part
+    return at
 
 
 def _records(key: Replacements, pdu: rpc.Pdu, data: bytes, record: Record) -> bytes:
