@@ -15,7 +15,7 @@ import pytest
 from frames import whole_frames
 from of_profibus import of_ethernet
 
-from ds47.analysis import analyze
+from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Interface, PcapngWriter, WholeFrame, open_capture
 from ds47.export import ExportOutcome, KeyFileError, Replacements, Selection, export
 from ds47.export.anonymise import Anonymiser, Knowledge, internet_checksum
@@ -26,12 +26,14 @@ from ds47.lab.client import OK, Client
 from ds47.lab.naming import DCP, LLDP, dcp_identify, lldp
 from ds47.lab.stage import Stage
 from ds47.lab.wire import ar_request, ar_response
-from ds47.model import CaptureResult, Transaction
+from ds47.model import DS47, CaptureResult, Transaction
 from ds47.profinet.traces import DatagramPiece, Trace
 
 CAPTURES = Path(__file__).resolve().parents[2] / "captures"
 EVERY = of_ethernet(sorted(CAPTURES.rglob("*.pcapng")))
 """Of Ethernet: frames of PROFIBUS are not anonymised (test_profibus_export.py)."""
+ONLY = AnalysisOptions(channels=(DS47,))
+"""Frames of other channels are not anonymised, either."""
 TSHARK_CHECKSUMS = ("-o", "ip.check_checksum:TRUE", "-o", "udp.check_checksum:TRUE")
 GOOD = "ip.checksum.status == 1 && udp.checksum.status == 1"
 
@@ -48,11 +50,7 @@ UNREAD = frozenset(("DS302", "DS303", "DS305", "DS309", "DS312", "DS313", "DS315
 
 def anonymised(source: Path, target: Path, **more: Any) -> tuple[ExportOutcome, Replacements]:
     key = Replacements()
-    return export(source, target, Selection(), key=key, **more), key
-
-
-OF_CYCLES = {"DS530", "DS531"}
-"""What only the cyclic frames show."""
+    return export(source, target, Selection(), ONLY, key=key, **more), key
 
 
 def story(item: Transaction, number: Callable[[int], int], values: bool) -> tuple[object, ...]:
@@ -83,7 +81,7 @@ def story(item: Transaction, number: Callable[[int], int], values: bool) -> tupl
             # A message that never became whole is none that can be written: the copy lacks all of it.
             "DS101" if rule == "DS105" else rule
             for rule in item.findings
-            if ((values and not unread) or rule not in OF_VALUES) and rule not in OF_CYCLES
+            if (values and not unread) or rule not in OF_VALUES
         ],
         item.request if exact else None, item.response if exact else None,
     )  # fmt: skip

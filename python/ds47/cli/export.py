@@ -353,7 +353,7 @@ class _Run:
 
         if done.left_out:
             frames = count(len(done.left_out), "frame")
-            warn(f"{name}: {frames} left out, fragments of messages that are not whole")
+            warn(f"{name}: {frames} left out, of other protocols or of messages that are not whole")
         for frame, text in done.leaks:
             warn(f"{name}: frame {frame} left out, {text!r} still stands in it")
 

@@ -47,7 +47,7 @@ from .examples import MOST, Example, examples
 from .mapping import KeyFileError, Replacements
 from .original import Original, first_time, opened, whole_frames
 from .s7 import S7Frames
-from .selection import Chosen, Selection, SelectionError, choose
+from .selection import Chosen, Selection, SelectionError, choose, refuse_others
 from .tracking import Copy, TrackedMessage, Tracker
 
 __all__ = [
@@ -76,6 +76,8 @@ _OPERATIONS = {
     RPC_CONTROL: "Control",
     RPC_READ_IMPLICIT: "ReadImplicit",
 }
+_MISPLACED = "DS707"
+"""The rule of requests that were written to another record."""
 
 
 @dataclass(slots=True)
@@ -120,8 +122,8 @@ def export(
 
     Raises:
         ds47.capture.CaptureError: nothing can be read.
-        SelectionError: something is asked for that this capture does not have, or frames of PROFIBUS are to be
-            anonymised.
+        SelectionError: something is asked for that this capture does not have, or frames of PROFIBUS, S7 or
+            cyclic channels are to be anonymised.
         OSError: the target cannot be written; a link to a file is not followed.
         ValueError: frames of other protocols are wanted, and anonymised.
     """
@@ -130,10 +132,10 @@ def export(
     options = options or AnalysisOptions()
     with opened(source) as capture:
         result = analyze(capture, options)
-    if key is not None and any(each.station is not None for each in result.transactions):
-        raise SelectionError("frames of PROFIBUS cannot be anonymised: export them without")
     names = None if key is None else {rule.id: rule.name for rule in spec.rules().values()}
     chosen = choose(result, selection, names)
+    if key is not None:
+        refuse_others(result, chosen, by_frame=selection.by_frame)
     return _copied(source, target, result, chosen, selection, options, key, everything, bus_link)
 
 
@@ -323,6 +325,9 @@ def _description(message: TrackedMessage) -> str:
 
 def _knowledge(result: CaptureResult, options: AnalysisOptions, everything: bool) -> Knowledge:
     about = Knowledge(codec=options.codec, everything=everything)
+    about.misplaced = {
+        (each.frame, each.args["index"]) for each in result.findings if each.rule == _MISPLACED
+    }
     controllers = {each.controller for each in result.transactions}
     for each in result.transactions:
         if each.index is None:

@@ -11,7 +11,7 @@ import struct
 from dataclasses import dataclass, field
 
 from ds47.acyclic.index47 import ALWAYS
-from ds47.capture.scan import ETHERNET, SLL, SLL2
+from ds47.capture.scan import ETHERNET, SLL, SLL2, UUIDS
 from ds47.profidrive import Options
 from ds47.profinet import rpc
 from ds47.profinet.records import NIL_UUID
@@ -19,7 +19,12 @@ from ds47.profinet.traces import Trace
 from ds47.spec.layouts import (
     RPC_ACTIVITY,
     RPC_BODY,
+    RPC_BOOT,
+    RPC_FLAGS,
+    RPC_FRAGMENT,
     RPC_INTERFACE,
+    RPC_INTERFACE_HINT,
+    RPC_INTERFACE_VERSION,
     RPC_LITTLE,
     RPC_OBJECT,
     RPC_ORDER,
@@ -36,6 +41,19 @@ _UDP = 8
 """Bytes of the UDP header in front of that of RPC."""
 _UUIDS = (RPC_OBJECT, RPC_ACTIVITY)
 """Object and activity, in the RPC header."""
+_UNREAD = (
+    (RPC_FLAGS + 1, 1),  # the second byte of flags
+    (RPC_ORDER + 1, 3),  # kind of floating point numbers, reserved, serial number
+    (RPC_BOOT, 4),
+    (RPC_FRAGMENT + 2, 2),  # authentication, serial number
+)
+"""What nobody needs of the RPC header: where it begins, and how long it is."""
+_NO_HINTS = b"\xff" * 4
+_VERSION, _MAPPER_VERSION = 1, 3
+"""Of the interfaces of PROFINET, and of that of the endpoint mapper: others are not dissected."""
+_TIME_TO_LIVE = 64
+_TAGS = {ETHERNET: 14, SLL: 16, SLL2: 20}
+"""Where the first VLAN tag begins, after its type."""
 _MOST_ASKED = 65_536
 """Answered calls that are known, for a response that is sent again; the oldest goes first."""
 
@@ -48,12 +66,14 @@ class Knowledge:
         ours: controller, device, AR and index of the channels on which there is a transaction: index 47
             alone says nothing.
         asked: frame of a Read response -> the request it answers.
+        misplaced: frame and index of requests that were written to a record that is none of a channel.
         codec: dialects of the messages.
         everything: whether all values are replaced.
     """
 
     ours: set[tuple[str, str, bytes, int]] = field(default_factory=set)
     asked: dict[int, bytes] = field(default_factory=dict)
+    misplaced: set[tuple[int, int]] = field(default_factory=set)
     codec: Options = field(default_factory=Options)
     everything: bool = False
 
@@ -126,15 +146,21 @@ class Anonymiser:
         elif link == SLL:
             data[6:14] = _hardware(key, bytes(data[4:6]), bytes(data[6:14]))
         elif link == SLL2:
+            data[2:8] = bytes(6)  # reserved, number of the interface
             data[12:20] = _hardware(key, b"\0" + bytes(data[11:12]), bytes(data[12:20]))
         else:
             return draft.layer == 0  # raw IP
+        for at in range(_TAGS[link], draft.layer - 2, 4):  # priority and number of a VLAN
+            data[at : at + 2] = b"\0\0"
         return True
 
     def _ip(self, draft: Draft) -> None:
-        """Addresses, options and checksum of the IPv4 header, and what stands behind the datagram."""
+        """The IPv4 header: addresses, checksum, what nobody needs; and what stands behind the datagram."""
         data, at = draft.data, draft.layer
         size = (data[at] & 15) * 4
+        data[at + 1] = 0  # kind of service
+        data[at + 6] &= 0x3F  # of the flags only whether more fragments follow
+        data[at + 8] = _TIME_TO_LIVE
         data[at + 12 : at + 16] = self.key.ip(bytes(data[at + 12 : at + 16]))
         data[at + 16 : at + 20] = self.key.ip(bytes(data[at + 16 : at + 20]))
         data[at + 20 : at + size] = b"\1" * (size - 20)  # no operation
@@ -165,14 +191,15 @@ class Anonymiser:
     def _header(self, data: bytes, body: bytes) -> bytes:
         """UDP header, RPC header with other UUIDs, the body, zeros."""
         little = data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
-        out = bytearray(data[: _UDP + RPC_SIZE] + body)
+        out = bytearray(_cleared(data[: _UDP + RPC_SIZE]) + body)
         for at, change in zip(_UUIDS, (blocks.object_uuid, Replacements.uuid), strict=True):
             span = slice(_UDP + at, _UDP + at + 16)
             out[span] = _turned(change(self.key, _turned(bytes(out[span]), little)), little)
         return (bytes(out) + bytes(len(data)))[: len(data)]
 
     def _stump(self, data: bytes) -> bytes:
-        """A frame that ends inside the RPC header: what stands in front of the activity stays."""
+        """A frame that ends inside the RPC header: what is needed in front of the activity stays."""
+        data = _cleared(data)
         start, end, stop = (_UDP + at for at in (RPC_OBJECT, RPC_INTERFACE, RPC_ACTIVITY))
         head, known = data[:start], data[start:end]
         little = len(data) > _UDP + RPC_ORDER and data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
@@ -185,7 +212,8 @@ class Anonymiser:
         about = self._knowledge
         if pdu.opnum == RPC_READ_IMPLICIT:
             ar = NIL_UUID
-        if index not in ALWAYS and (pdu.client, pdu.server, ar, index) not in about.ours:
+        ours = (pdu.client, pdu.server, ar, index) in about.ours or index in ALWAYS
+        if not ours and (self._frame, index) not in about.misplaced:
             return stations.blank(content)
         vendor = (rpc.device_identity(pdu.object_uuid) or (None,))[0]
         if pdu.ptype == 0:
@@ -263,6 +291,22 @@ def _hardware(key: Replacements, length: bytes, field_: bytes) -> bytes:
     if bytes(length) == b"\0\6":
         return key.mac(field_[:6]) + bytes(len(field_[6:]))
     return bytes(len(field_))
+
+
+def _cleared(data: bytes) -> bytes:
+    """UDP and RPC header, or the begin of them, without what nobody needs."""
+    out = bytearray(data.ljust(_UDP + RPC_SIZE, b"\0"))
+    for at, size in _UNREAD:
+        out[_UDP + at : _UDP + at + size] = bytes(size)
+    little = out[_UDP + RPC_ORDER] & RPC_LITTLE
+    out[_UDP + RPC_ORDER] = little
+    at = _UDP + RPC_INTERFACE + 8
+    version = _VERSION if out[at : at + 8] == UUIDS[8:16] else _MAPPER_VERSION
+    at = _UDP + RPC_INTERFACE_VERSION
+    out[at : at + 4] = version.to_bytes(4, "little" if little else "big")
+    at = _UDP + RPC_INTERFACE_HINT
+    out[at : at + 4] = _NO_HINTS
+    return bytes(out[: len(data)])
 
 
 def _body_size(data: bytes) -> int:

@@ -27,7 +27,9 @@ from ds47.spec.layouts import (
     NDR_SIZE,
     RECORD_DATA,
     RECORD_INDEX,
+    RECORD_PADDING,
     RECORD_SIZE,
+    RECORD_STATUS,
     RECORD_WRITE_MULTIPLE,
     RPC_READ,
     RPC_READ_IMPLICIT,
@@ -40,10 +42,18 @@ from .stations import blank
 _RECORD = {
     BLOCK_WRITE_REQUEST, BLOCK_READ_REQUEST, BLOCK_WRITE_RESPONSE, BLOCK_READ_RESPONSE,
 }  # fmt: skip
+_NDR_OFFSET, _NDR_COUNT = 12, 16
+"""Where the NDR header has the offset of an array, which is always 0, and then its length."""
 _AR_UUID = slice(BLOCK_AR, BLOCK_AR + 16)
 
 Record = Callable[[rpc.Pdu, bytes, int, bytes], bytes]
 """(message, AR, index, content) -> the content to write."""
+
+
+_Part = int | tuple["_Part", ...]
+"""So many bytes; or a list of such parts, with the number of its items (two bytes) in front."""
+_DESCRIPTIONS = 0
+"""The descriptions of the data of a submodule: two, if it has input and output (`_end`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,19 +67,22 @@ class _Layout:
     name: int | None = None
     """Where the length (two bytes) of a station name stands, which ends the block."""
     size: int | None = None
-    """Of the whole block, where that is fixed; what stands behind it is not known."""
+    """Of the whole block, or of what stands in front of its lists; what stands behind is not known."""
+    lists: tuple[_Part, ...] = ()
+    words: tuple[int, ...] = ()
+    """Words (two bytes) that nobody needs: padding, or reserved."""
 
 
-_LIFE = _Layout(uuids=(BLOCK_AR,), size=32)
+_LIFE = _Layout(uuids=(BLOCK_AR,), size=32, words=(6, 26))
 _BLOCKS: Mapping[int, _Layout] = {
     BLOCK_AR_REQUEST: _Layout(macs=(26,), uuids=(BLOCK_AR,), objects=(32,), name=56),
     BLOCK_AR_RESPONSE: _Layout(macs=(26,), uuids=(BLOCK_AR,), size=34),
-    BLOCK_IOCR_REQUEST: _Layout(macs=(38,)),
+    BLOCK_IOCR_REQUEST: _Layout(macs=(38,), size=44, lists=((4, (6,), (6,)),)),
     BLOCK_IOCR_RESPONSE: _Layout(size=12),
     0x0103: _Layout(size=26),  # AlarmCRBlockReq
     0x8103: _Layout(size=12),  # AlarmCRBlockRes
-    BLOCK_EXPECTED_SUBMODULES: _Layout(),
-    0x8104: _Layout(),  # ModuleDiffBlock
+    BLOCK_EXPECTED_SUBMODULES: _Layout(size=6, lists=((12, (8, _DESCRIPTIONS)),)),
+    0x8104: _Layout(size=6, lists=((4, (8, (8,))),)),  # ModuleDiffBlock
     0x0105: _Layout(objects=(6,), name=28),  # PrmServerBlock
     0x0106: _Layout(name=14),  # MCRBlockReq
     0x8106: _Layout(name=6),  # ARServerBlock
@@ -83,7 +96,10 @@ def body(key: Replacements, pdu: rpc.Pdu, record: Record) -> bytes:
     data = pdu.body
     if pdu.ptype not in (0, 2):
         return data[:4] + blank(data[4:])  # a status at the most
-    out, rest = data[:NDR_SIZE], data[NDR_SIZE:]
+    if pdu.opnum == rpc.NO_OPERATION:  # of the endpoint mapper: names of interfaces and stations
+        return blank(data)
+    out, rest = data[:_NDR_OFFSET] + blank(data[_NDR_OFFSET:_NDR_COUNT]), data[NDR_SIZE:]
+    out += data[_NDR_COUNT:NDR_SIZE]
     if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
         return out + _records(key, pdu, rest, record)
     return out + _blocks(key, rest)
@@ -121,14 +137,33 @@ def _block(key: Replacements, block: bytes, layout: _Layout) -> bytes:
         out[at : at + 16] = key.uuid(block[at : at + 16])
     for at in layout.objects:
         out[at : at + 16] = object_uuid(key, block[at : at + 16])
+    for at in layout.words:
+        out[at : at + 2] = b"\0\0"
     if layout.name is not None:
         start = layout.name + 2
         end = start + int.from_bytes(block[layout.name : start], "big")
         out[start:end] = key.name(block[start:end])
         out[end:] = blank(block[end:])
     if layout.size is not None:
-        out[layout.size :] = blank(block[layout.size :])
+        end = _end(block, layout.size, layout.lists)
+        out[end:] = blank(block[end:])
     return bytes(out[: len(block)])
+
+
+def _end(block: bytes, at: int, parts: tuple[_Part, ...]) -> int:
+    """Where what begins at a place ends."""
+    for part in parts:
+        if isinstance(part, tuple):
+            count = int.from_bytes(block[at : at + 2], "big")
+            at += 2
+            while count and at < len(block):
+                at, count = _end(block, at, part), count - 1
+        elif part == _DESCRIPTIONS:
+            both = at <= len(block) and block[at - 1] & 3 == 3
+            at += 12 if both else 6
+        else:
+            at += part
+    return at
 
 
 def _records(key: Replacements, pdu: rpc.Pdu, data: bytes, record: Record) -> bytes:
@@ -154,9 +189,11 @@ def _records(key: Replacements, pdu: rpc.Pdu, data: bytes, record: Record) -> by
 
 
 def _record_head(key: Replacements, head: bytes) -> bytes:
-    out = head[:8] + key.uuid(head[_AR_UUID]) + head[24:40]
+    out = head[:8] + key.uuid(head[_AR_UUID]) + head[24:RECORD_PADDING]
+    out += blank(head[RECORD_PADDING:RECORD_INDEX]) + head[RECORD_INDEX:40]
     if head[:2] == b"\0\x09":  # a Read request: the AR it is about, then padding
         return out + key.uuid(head[40:56]) + blank(head[56:])
     if head[:2] == b"\0\x08":
         return out + blank(head[40:])
-    return out + head[40:48] + blank(head[48:])  # additional values, status
+    known = RECORD_STATUS + 4 if head[:2] == b"\x80\x08" else RECORD_STATUS
+    return out + head[40:known] + blank(head[known:])  # additional values, status of a Write

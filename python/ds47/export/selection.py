@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from ds47.model import PKW, S7, CaptureResult, Finding, Parameter, Transaction
+from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Parameter, Transaction
 from ds47.report.formatting import address
 from ds47.report.selection import Selection, SelectionError, Wanted
 from ds47.report.sentences import message
 from ds47.report.targets import Targets
 from ds47.spec import rules
 
-__all__ = ["Chosen", "Selection", "SelectionError", "choose", "chosen_of"]
+__all__ = ["Chosen", "Selection", "SelectionError", "choose", "chosen_of", "refuse_others"]
 
 _PARAMETERS_SHOWN = 4
 
@@ -73,6 +73,33 @@ def choose(
         _add_causes(result, chosen, targets)
     _lonely(chosen, wanted.findings.get(None, []), selection, names)
     return chosen
+
+
+def refuse_others(result: CaptureResult, chosen: Chosen, *, by_frame: bool) -> None:
+    """Refuses to anonymise what is chosen and no message of DS47 on PROFINET: nothing in it is replaced.
+
+    Raises:
+        SelectionError: what that is, and how to leave it out.
+    """
+    ips = chosen.ips
+    if result.bus is not None or any(each.station is not None for each in result.transactions):
+        names = ["PROFIBUS"]
+    else:
+        found = {
+            each.channel
+            for each in chosen.transactions
+            if not ips or each.device in ips or each.controller in ips
+        }
+        if by_frame:
+            drives = {result.relations[each.relation - 1].device for each in result.timelines}
+            servers = {host for each in result.connections for host in (each.client, each.server)}
+            found |= {PZD for each in drives if not ips or each in ips}
+            found |= {S7 for each in servers if not ips or each in ips}
+        names = [each.upper() for each in CHANNELS if each in found and each != DS47]
+    if names:
+        apart = "leave them out with --channels ds47, or " if any(result.rpc.values()) else ""
+        text = f"frames of {' and '.join(names)} cannot be anonymised"
+        raise SelectionError(f"{text}: {apart}export without --anonymise")
 
 
 def _add_descriptions(result: CaptureResult, chosen: Chosen) -> None:

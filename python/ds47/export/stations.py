@@ -13,7 +13,7 @@ from .mapping import Replacements
 
 _GET, _SET, _IDENTIFY, _HELLO = 3, 4, 5, 6
 _REQUEST = 0
-_DCP_HEADER = 12
+_DCP_HEADER, _DELAY = 12, slice(8, 10)
 
 _RESERVED = range(7, 128)
 """No options, but letters and digits."""
@@ -87,7 +87,7 @@ _DCP: dict[tuple[int, int], _Map] = {
     (2, 1): _name,  # type of station
     (2, 2): _name,
     (2, 3): _keep(4),  # vendor and device id
-    (2, 4): _keep(2),  # role
+    (2, 4): _keep(1),  # role
     (2, 5): _options,  # the options that the device knows
     (2, 6): port_name,  # alias
     (2, 7): _keep(2),  # instance
@@ -105,11 +105,14 @@ def dcp(key: Replacements, data: bytes) -> bytes:
         return data
     service, kind = data[2], data[3]
     request = kind == _REQUEST
+    head = bytearray(data[:_DCP_HEADER])
+    if service != _IDENTIFY or not request:
+        head[_DELAY] = b"\0\0"  # reserved in all others
     end = min(_DCP_HEADER + int.from_bytes(data[10:12], "big"), len(data))
     if service == _GET and request:
-        return data[:_DCP_HEADER] + _options(key, data[_DCP_HEADER:end]) + blank(data[end:])
+        return bytes(head) + _options(key, data[_DCP_HEADER:end]) + blank(data[end:])
     info = 0 if service == _IDENTIFY and request else 2  # block information, or a qualifier
-    out = data[:_DCP_HEADER]
+    out = bytes(head)
     while len(out) + 4 <= end:
         at = len(out)
         size = int.from_bytes(data[at + 2 : at + 4], "big")
