@@ -228,10 +228,10 @@ def _nearest(folder: Path) -> Settings:
 
 
 def _read(path: Path) -> Settings:
-    import tomllib  # most folders have no settings
+    from ds47.spec import toml  # most folders have no settings
 
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        table = toml.parse(path.read_text(encoding="utf-8-sig"))
         report = table.get("report", {})
         tz = report.pop("tz", None) if isinstance(report, dict) else None
         return parse(table.get("cyclic", {}))._replace(

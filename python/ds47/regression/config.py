@@ -6,7 +6,6 @@ comparison is in `ds47.regression.compare`.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from fnmatch import fnmatch
@@ -19,6 +18,7 @@ from ds47.batch.settings import FILE, parse_expect, parse_names, parse_s7
 from ds47.batch.settings import parse as parse_cyclic
 from ds47.model import SEVERITIES
 from ds47.report.heading import parse as parse_heading
+from ds47.spec import toml
 
 _T = TypeVar("_T")
 
@@ -151,8 +151,8 @@ def load(path: Path) -> Config:
         ConfigError: it cannot be read, is no TOML, or holds what it must not.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        table = toml.parse(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError) as problem:
         raise ConfigError(f"{path}: {problem}") from problem
     try:
         return _config(path.resolve().parent, table)
