@@ -30,7 +30,7 @@ _GZIP = b"\x1f\x8b"
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _PORTION = 1 << 12
 _PLENTY, _RATIO = 64 << 20, 500
-"""So many bytes may come of anything; beyond them at most so many for each packed one: times and counters change."""
+"""So many bytes may come of anything, then so many of each packed one: times and counters change."""
 _EMPTY = 1000
 """Members without content in a row."""
 

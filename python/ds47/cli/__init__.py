@@ -69,12 +69,10 @@ _INTERRUPTED = 130
 _READER_LEFT = 141
 """The exit status that a shell shows after SIGPIPE: the rest of the output is unknown."""
 _INTERNAL = 70
-"""EX_SOFTWARE of sysexits.h. Python itself would end with 1, which says that something was found."""
+"""EX_SOFTWARE of sysexits.h, as `Misses.OURS`. Python itself would end with 1: something was found."""
 
 _WIDEST = 100
 """Columns of a line of help."""
-_LONGEST = 300
-"""Letters of an internal error that its line shows."""
 
 
 class _Commands(click.Group):
@@ -245,18 +243,11 @@ def _reader_may_leave() -> Iterator[None]:
 
 
 def _explain(problem: Exception) -> None:
-    """One line about a fault of ours; all that Python knows of it where DS47_TRACEBACK is set."""
+    """One line about a fault of ours."""
+    from ds47.batch.fence import explained
     from ds47.cli.common import warn
 
-    if os.environ.get("DS47_TRACEBACK"):
-        import traceback
-
-        traceback.print_exception(problem)
-    what = " ".join(f"{type(problem).__name__}: {problem}".split()).rstrip(": ")[:_LONGEST]
-    warn(
-        f"internal error: {what}; please report it with the command, ds47 --version and what "
-        "DS47_TRACEBACK=1 shows"
-    )
+    warn(explained(problem))
 
 
 def _reader_left(problem: OSError) -> bool:

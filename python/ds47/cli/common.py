@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeVar
 import click
 
 if TYPE_CHECKING:
+    from ds47.capture import CaptureError
     from ds47.profidrive import Flaw, Options
     from ds47.spec import Rule
 
@@ -161,18 +162,26 @@ def warn(text: str) -> None:
 
 
 class Misses:
-    """Says on stderr what could not be read; true after the first line."""
+    """Says on stderr what could not be read; true after the first line. `status` is that of the command then."""
+
+    UNREADABLE, OURS = 3, 70
 
     def __init__(self) -> None:
-        self._any = False
+        self.status = 0
 
-    def __call__(self, text: str) -> None:
-        """Says one line."""
-        self._any = True
+    def __call__(self, text: str, *, ours: bool = False) -> None:
+        """Says one line; `ours` where it is about a fault of ds47 itself."""
+        self.status = max(self.status, self.OURS if ours else self.UNREADABLE)
         warn(text)
 
+    def of(self, path: str, problem: CaptureError) -> None:
+        """Says what is wrong with a capture."""
+        from ds47.capture.names import about
+
+        self(about(path, str(problem)), ours=problem.ours)
+
     def __bool__(self) -> bool:
-        return self._any
+        return bool(self.status)
 
 
 def counted(number: int, noun: str) -> str:

@@ -148,6 +148,7 @@ class Execution(NamedTuple):
             from ds47.batch.tasks import read
 
             return lambda task, finished: read(task, options, finished, expected)
+        from ds47.batch.fence import fence
         from ds47.wireshark.engine import Engine
         from ds47.wireshark.tshark import NotReadyError
 
@@ -160,11 +161,12 @@ class Execution(NamedTuple):
 
         def analyze(task: Task, finished: OnTransaction | None) -> CaptureResult:
             source = sys.stdin.buffer if task.path == STDIN else task.path
-            if not expected:
-                return other.analyze(source, finished)
-            from ds47.report.expected import judged
+            with fence():
+                if not expected:
+                    return other.analyze(source, finished)
+                from ds47.report.expected import judged
 
-            return judged(other.analyze(source), expected, options, finished)
+                return judged(other.analyze(source), expected, options, finished)
 
         return analyze
 

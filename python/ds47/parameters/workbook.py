@@ -72,5 +72,6 @@ def _check_size(path: Path) -> None:
     packed = path.stat().st_size
     if size > _MOST or (size > _SMALL and size > _PACKED * packed):
         raise WorkbookError(
-            f"the workbook unpacks from {packed:,} to {size:,} bytes, more than any list of parameters has: {_ADVICE}"
+            f"the workbook unpacks from {packed:,} to {size:,} bytes, more than any list of parameters "
+            f"has: {_ADVICE}"
         )

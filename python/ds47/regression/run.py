@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ds47.analysis import AnalysisOptions
+from ds47.batch.fence import fence
 from ds47.batch.tasks import Task, in_folders, plan, read
 from ds47.capture import CaptureError
 from ds47.capture.rings import common_name
@@ -35,6 +36,7 @@ class CheckOutcome:
         pairs: the matching transactions, stored and present.
         error: why there is nothing to compare.
         unreadable: whether the capture could not be read, or only in part.
+        ours: whether it could not be read because ds47 itself broke.
         problem: why it was read only in part.
         label: the label of the capture.
     """
@@ -48,6 +50,7 @@ class CheckOutcome:
     pairs: list[tuple[int | None, int | None]] = field(default_factory=list)
     error: str | None = None
     unreadable: bool = False
+    ours: bool = False
     problem: str | None = None
     label: str = ""
     fail_on: str = "error"
@@ -181,24 +184,35 @@ def check(
         fail_on=fail_on or settings.fail_on,
     )
     try:
-        result = result_of(task, options)
+        with fence():
+            _compare(task, options, outcome, settings, lang)
     except CaptureError as problem:
-        outcome.error, outcome.unreadable = str(problem), True
-        return outcome
+        outcome.error, outcome.unreadable, outcome.ours = str(problem), True, problem.ours
+    return outcome
+
+
+def _compare(
+    task: Task,
+    options: AnalysisOptions | None,
+    outcome: CheckOutcome,
+    settings: config.Config,
+    lang: str,
+) -> None:
+    """Analyses, loads and compares."""
+    result = result_of(task, options)
     outcome.now = baseline.content(result)
     outcome.unreadable, outcome.problem = not result.complete, result.lacking
     try:
         outcome.stored, version = _stored(task, outcome.result_path)
     except baseline.BaselineError as problem:
         outcome.error = str(problem)
-        return outcome
-    comparison = Comparison(outcome.stored, outcome.now, settings, capture, lang)
+        return
+    comparison = Comparison(outcome.stored, outcome.now, settings, Path(task.path), lang)
     outcome.origin = Origin(version, same_file=comparison.same_file)
     outcome.changes = outcome.origin.explained(
         list(comparison.changes()), outcome.stored, outcome.now
     )
     outcome.pairs = comparison.pairs
-    return outcome
 
 
 def _stored(task: Task, path: Path) -> baseline.Stored:
