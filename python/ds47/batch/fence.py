@@ -34,9 +34,10 @@ def fence(*meant: type[Exception]) -> Iterator[None]:
     Raises:
         OwnFaultError: something else was raised.
     """
+    wanted: tuple[type[Exception], ...] = (Error, OSError, *meant)
     try:
         yield
-    except (Error, OSError, *meant):
+    except wanted:
         raise
     except Exception as problem:
         raise OwnFaultError(explained(problem)) from problem
