@@ -26,10 +26,11 @@ from typing import BinaryIO, ClassVar, Final, TypeVar
 
 from ds47.batch.endings import Failed
 from ds47.batch.memory import collect, collect_rarely
-from ds47.batch.products import Product, discard, draft_of, kept_from, whole
+from ds47.batch.products import Product, discard, kept_from, whole
 from ds47.batch.runner import Begun, Outcome, PathOf, TaskWindow
 from ds47.batch.tasks import STDIN, Task
 from ds47.capture import CaptureError
+from ds47.capture.drafts import draft_of
 
 _SHARE, _SHARE_BYTES = 16, 1 << 20
 """So many tasks, or bytes of captures, go to a process together: to hand one over takes as long as to read one."""

@@ -19,6 +19,7 @@ from ds47.capture import CaptureError, Series, open_capture, sha256
 from ds47.capture.names import is_capture
 from ds47.capture.remote import facts, is_url
 from ds47.capture.series import SeriesPart
+from ds47.capture.special import special
 from ds47.model import CaptureResult
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def names_in(folder: Path) -> list[str]:
         names = [each.name for each in folder.iterdir()]
     except OSError:
         return []
-    return sorted(filter(may_be_part, names))
+    return sorted(name for name in filter(may_be_part, names) if special(folder / name) is None)
 
 
 def _series(ring: Ring) -> Task:

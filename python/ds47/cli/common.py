@@ -202,6 +202,7 @@ def output(name: str) -> Iterator[TextIO]:
 
     Raises click.ClickException if the file cannot be written, or is a capture.
     """
+    from ds47.capture.drafts import draft_of
     from ds47.cli.targets import spare_captures
 
     if name == "-":
@@ -210,7 +211,7 @@ def output(name: str) -> Iterator[TextIO]:
     spare_captures(name)
     target = Path(name).resolve()
     special = target.exists() and not target.is_file()  # /dev/null, a pipe: nothing to replace
-    draft = target if special else target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    draft = target if special else draft_of(target)
     try:
         stream = draft.open("w", encoding="utf-8", errors="backslashreplace", newline="\n")
     except OSError as problem:

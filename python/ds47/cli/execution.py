@@ -66,16 +66,17 @@ class Execution(NamedTuple):
         if self.folder is None:
             return None, tasks
         from ds47.batch.remote_results import results_at
-        from ds47.batch.results import SameNameError
+        from ds47.batch.results import NotOursError, SameNameError
         from ds47.capture import CaptureError
 
         try:
             results = results_at(self.folder, self.analysis, self.lang, self.expected)
             results.name(tasks, roots)
+            results.spare(tasks)
             results.begin()
             if self.resume:
                 results.fetch(tasks)
-        except CaptureError as problem:
+        except (CaptureError, NotOursError) as problem:
             raise click.ClickException(str(problem)) from problem
         except SameNameError as problem:
             raise click.ClickException(f"{problem}; report them one at a time") from problem

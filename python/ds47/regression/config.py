@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ds47 import spec
-from ds47.batch.settings import FILE, parse_expect, parse_names, parse_s7
+from ds47.batch.settings import nearest, parse_expect, parse_names, parse_s7
 from ds47.batch.settings import parse as parse_cyclic
 from ds47.model import SEVERITIES
 from ds47.report.heading import parse as parse_heading
@@ -138,10 +138,8 @@ def find(capture: Path) -> Config:
 
 @cache
 def _for_folder(folder: Path) -> Config:
-    for each in (folder, *folder.parents):
-        if (each / FILE).is_file():
-            return load(each / FILE)
-    return Config()
+    path = nearest(folder)
+    return Config() if path is None else load(path)
 
 
 def load(path: Path) -> Config:

@@ -16,6 +16,7 @@ from ds47.batch.fence import fence
 from ds47.batch.tasks import Task, in_folders, plan, read
 from ds47.capture import CaptureError
 from ds47.capture.rings import common_name
+from ds47.capture.special import special
 from ds47.model import SEVERITIES, CaptureResult
 from ds47.regression import baseline, config
 from ds47.regression.compare import Change, Comparison, Json
@@ -145,7 +146,11 @@ class Content:
 
 def content(folder: Path, names: Sequence[str], *, series: bool) -> Content:
     """What to check in a folder with files of these names, without its subfolders."""
-    captures = sorted(str(folder / name) for name in names if in_folders(series)(name))
+    captures = sorted(
+        str(folder / name)
+        for name in names
+        if in_folders(series)(name) and special(folder / name) is None
+    )
     gone = [Lonely(folder / name, error) for name, error in baseline.orphans(names, series=series)]
     return Content(plan(captures, series), gone)
 
