@@ -40,8 +40,9 @@ _UNSEALED = "0" * 64
 _SEAL = b'"seal": "'
 """Stands nowhere else in a first line: a text there has its quotes escaped."""
 LOOKED_AT = 256
-_OURS = re.compile(rb'\Z|\{"schema": "ds47\.(?:overview/|report/\d+", "tool": .*"run": )')
-"""How a result or an overview begins, also a damaged one. A disk that failed leaves files without a byte."""
+_SCHEMA = b'{"schema": "ds47.'
+_OURS = re.compile(_SCHEMA + rb'(?:overview/|report/\d+", "tool": [^\n]*(?:"run": |\Z))')
+"""How a result or an overview begins, also a damaged one."""
 _REST = "]}"
 """What makes a document of the first line of a result."""
 
@@ -238,7 +239,9 @@ class Results:
             OSError: nobody can look.
         """
         for name, head in self._heads([OVERVIEW, *(self._names[task.path] for task in tasks)]):
-            if not _OURS.match(head):
+            if not _OURS.match(head) and not _SCHEMA.startswith(
+                head
+            ):  # a disk that failed leaves nothing
                 raise NotOursError(
                     f"{name} is no result of ds47 report --results and is not written over: "
                     "move it, or choose another folder"
