@@ -15,12 +15,16 @@ import atexit
 import errno
 import gc
 import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, cast
 
+if sys.argv[1:2] == ["watch"] and hasattr(signal, "SIGUSR1"):
+    # until it listens: who asks for a summary too early gets none, and does not end it
+    signal.signal(signal.SIGUSR1, signal.SIG_IGN)
 gc.disable()  # until a command is imported: no import leaves garbage, and looking for it takes long
 atexit.register(gc.freeze)  # or the interpreter looks through all of it when it ends
 
