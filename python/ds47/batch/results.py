@@ -13,6 +13,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, cast
@@ -21,6 +22,7 @@ from ds47.analysis import AnalysisOptions
 from ds47.batch.products import discard, whole
 from ds47.batch.settings import expected_for, options_for
 from ds47.batch.tasks import Task, read
+from ds47.capture import CaptureError
 from ds47.capture.drafts import draft_of
 from ds47.capture.remote import is_url
 from ds47.capture.special import special
@@ -199,16 +201,32 @@ class Results:
             return False
 
     def row(self, task: Task) -> CaptureRow:
-        """What the overview tells of a task that is done."""
-        return CaptureRow.loaded(self._head(task)["run"]["row"])
+        """What the overview tells of a task that is done.
+
+        Raises:
+            CaptureError: its result is whole, and still none.
+        """
+        with self._misshapen(task):
+            return CaptureRow.loaded(self._head(task)["run"]["row"])
 
     def load(self, task: Task) -> CaptureResult:
-        """The result of a task that is done."""
-        stored = json.loads(self.path_of(task).read_bytes())
-        result = load.capture(stored["captures"][0])
-        row = stored["run"]["row"]
-        result.problem, result.dropped = row["problem"], row["dropped"]
-        return result
+        """The result of a task that is done. Raises CaptureError, as `row`."""
+        with self._misshapen(task):
+            stored = json.loads(self.path_of(task).read_bytes())
+            result = load.capture(stored["captures"][0])
+            row = stored["run"]["row"]
+            result.problem, result.dropped = row["problem"], row["dropped"]
+            return result
+
+    @contextmanager
+    def _misshapen(self, task: Task) -> Iterator[None]:
+        """A digest that is right is no proof: who writes a result by hand can make that, too."""
+        try:
+            yield
+        except (OSError, *_MISSHAPEN) as problem:
+            raise CaptureError(
+                f"{self.shown(task)}: {DAMAGED}; the next run makes it again"
+            ) from problem
 
     def shown(self, task: Task | None = None) -> str:
         """How people know the folder, or the result of a task."""

@@ -182,10 +182,17 @@ class Run:
     def _store(self, results: Results, task: Task, outcome: Outcome, *, whole: bool) -> CaptureRow:
         from ds47.report.overview import CaptureRow
 
-        if isinstance(outcome, CaptureError):
+        try:
+            if isinstance(outcome, CaptureError):
+                raise outcome
+            with fence():
+                return self._take(results, task, whole=whole)
+        except CaptureError as problem:
             results.forget(task)
-            problem = self._unreadable(task, outcome, told=whole)
-            return CaptureRow.unreadable(task.path, problem)
+            return CaptureRow.unreadable(task.path, self._unreadable(task, problem, told=whole))
+
+    def _take(self, results: Results, task: Task, *, whole: bool) -> CaptureRow:
+        """Reports what is stored."""
         row = results.row(task)
         self.worst = max(self.worst, row.worst)
         self._whole(task.path, row.complete, row.problem)
