@@ -6,8 +6,11 @@ None of them ends a command with the status of a fault of ours (70); what is wro
 from __future__ import annotations
 
 import gzip
+import hashlib
 import io
+import json
 import random
+import shutil
 import struct
 import zipfile
 from collections.abc import Callable
@@ -230,3 +233,41 @@ def pack(packer: str) -> Callable[[bytes], bytes]:
     if packer == "gzip":
         return gzip.compress
     return pytest.importorskip("backports.zstd").compress  # type: ignore[no-any-return]
+
+
+# What is stored
+
+
+def test_a_stored_result_without_frames_is_told(tmp_path: Path, captures: Path, said: Any) -> None:
+    capture = Path(shutil.copy(captures / "conversation-error.pcapng", tmp_path / "a.pcapng"))
+    assert said("baseline", capture)[0] == 0
+    stored = tmp_path / "a.ds47.json"
+    document = json.loads(stored.read_text())
+    del document["capture"]["transactions"][0]["frames"]["write_request"]
+    stored.write_text(json.dumps(document))
+    assert said("check", capture)[0] == 1
+    status, line = said("accept", "--yes", capture)
+    assert (status, "see transactions[0].frames.write_request" in line) == (1, True)
+
+
+@pytest.mark.parametrize("damage", ["rows", "severity", "transactions"])
+def test_a_result_whose_digest_is_right_and_whose_content_is_none(
+    tmp_path: Path, captures: Path, said: Any, damage: str
+) -> None:
+    capture = Path(shutil.copy(captures / "conversation-error.pcapng", tmp_path / "a.pcapng"))
+    words = ("report", "-f", "text", "--resume", "--results", tmp_path / "r", capture)
+    assert said(*words)[0] == 0
+    path = tmp_path / "r" / "a.pcapng.json"
+    text = path.read_text()
+    if damage == "rows":
+        text = text.replace('"row": {', '"row": {"colour": 1, ')
+    elif damage == "severity":
+        text = text.replace('"findings": {', '"findings": {"purple": 1, ')
+    else:
+        text = text.replace('"transactions": [', '"transactions": [7, ')
+    seal = text.split('"seal": "', 1)[1][:64]
+    text = text.replace(seal, "0" * 64)
+    path.write_text(text.replace("0" * 64, hashlib.sha256(text.encode()).hexdigest(), 1))
+    status, line = said(*words)
+    assert (status, f"{path}: damaged result; the next run makes it again" in line) == (3, True)
+    assert said(*words) == (0, "")
