@@ -238,6 +238,15 @@ def pack(packer: str) -> Callable[[bytes], bytes]:
 # What is stored
 
 
+def test_a_command_to_copy_is_one_command(
+    tmp_path: Path, captures: Path, monkeypatch: Any, capsys: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(captures / "conversation-error.pcapng", "a;touch pwn;.pcapng")
+    assert main(["check", "a;touch pwn;.pcapng"]) == 1
+    assert "make one with: ds47 baseline 'a;touch pwn;.pcapng'" in capsys.readouterr().out
+
+
 def test_a_stored_result_without_frames_is_told(tmp_path: Path, captures: Path, said: Any) -> None:
     capture = Path(shutil.copy(captures / "conversation-error.pcapng", tmp_path / "a.pcapng"))
     assert said("baseline", capture)[0] == 0

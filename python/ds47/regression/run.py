@@ -21,6 +21,7 @@ from ds47.model import SEVERITIES, CaptureResult
 from ds47.regression import baseline, config
 from ds47.regression.compare import Change, Comparison, Json
 from ds47.regression.versions import Origin
+from ds47.spec.shell import shell_word
 
 
 @dataclass(slots=True)
@@ -231,7 +232,8 @@ def _stored(task: Task, path: Path) -> baseline.Stored:
     except baseline.NoBaselineError as problem:
         _refuse_a_part(task, baseline.path_of(Path(task.path), common_name(Path(task.path).name)))
         option = "--series " if task.series else ""
-        raise baseline.BaselineError(f"{problem} {option}{task.path}") from problem
+        word = shell_word(task.path)
+        raise baseline.BaselineError(f"{problem} {option}{word}") from problem
     _refuse_a_part(task, path, stored.content)
     return stored
 
