@@ -12,7 +12,6 @@ from pathlib import Path
 from ds47.capture import CaptureError
 from ds47.capture.names import EXPORTED, PACKED, STDIN, SUFFIXES, is_capture
 from ds47.capture.remote import below, is_url
-from ds47.capture.special import CIRCLE, special
 
 
 def captures(
@@ -62,6 +61,8 @@ def _meant(
 
 def _files(paths: Sequence[str], passed: Callable[[str], None]) -> Iterator[str]:
     """The paths without those that are no file. A link that leads nowhere stays: opening it says so."""
+    from ds47.capture.special import CIRCLE, special  # few runs are about folders
+
     for path in paths:
         kind = special(path)
         if kind is None or kind == CIRCLE:

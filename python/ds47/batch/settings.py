@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ds47.analysis import AnalysisOptions
 from ds47.capture import CaptureError
-from ds47.capture.special import special
 from ds47.report import heading
 from ds47.report.heading import Heading
 from ds47.report.zones import Zone, zone
@@ -235,8 +234,11 @@ def passed_over(locations: Iterable[str]) -> Iterator[str]:
             if path in seen or path.is_file():
                 break
             seen.add(path)
-            if (kind := special(path)) is not None:
-                yield f"{path} is {kind}, no file: passed over"
+            if os.path.lexists(path):
+                from ds47.capture.special import special  # hardly ever
+
+                if (kind := special(path)) is not None:
+                    yield f"{path} is {kind}, no file: passed over"
 
 
 def _places(folder: Path) -> Iterator[Path]:

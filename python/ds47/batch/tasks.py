@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ds47.analysis import AnalysisOptions, OnTransaction, analyze
-from ds47.batch.fence import fence
+from ds47.batch.endings import fence
 from ds47.batch.settings import expected_for, options_for
 from ds47.capture import CaptureError, Series, open_capture, sha256
 from ds47.capture.names import is_capture
 from ds47.capture.remote import facts, is_url
 from ds47.capture.series import SeriesPart
-from ds47.capture.special import special
 from ds47.model import CaptureResult
 
 if TYPE_CHECKING:
@@ -100,6 +99,7 @@ def in_folders(series: bool) -> Callable[[str], bool]:
 def names_in(folder: Path) -> list[str]:
     """Names of the captures in a folder, including files of tcpdump -C; none if it cannot be listed."""
     from ds47.capture.rings import may_be_part
+    from ds47.capture.special import special
 
     try:
         names = [each.name for each in folder.iterdir()]

@@ -248,7 +248,7 @@ def _reader_may_leave() -> Iterator[None]:
 
 def _explain(problem: Exception) -> None:
     """One line about a fault of ours."""
-    from ds47.batch.fence import explained
+    from ds47.batch.endings import explained
     from ds47.cli.common import warn
 
     warn(explained(problem))

@@ -149,7 +149,7 @@ class Execution(NamedTuple):
             from ds47.batch.tasks import read
 
             return lambda task, finished: read(task, options, finished, expected)
-        from ds47.batch.fence import fence
+        from ds47.batch.endings import fence
         from ds47.wireshark.engine import Engine
         from ds47.wireshark.tshark import NotReadyError
 

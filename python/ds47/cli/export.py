@@ -167,7 +167,7 @@ def _examples(
     options: AnalysisOptions,
 ) -> int:
     """Writes the examples of each capture, and says a line of each."""
-    from ds47.batch.fence import fence
+    from ds47.batch.endings import fence
     from ds47.capture import CaptureError
 
     folder = Path(output_name or ".")
@@ -293,7 +293,7 @@ class _Run:
 
     def one(self, task: Task, target: str) -> None:
         """Exports one capture."""
-        from ds47.batch.fence import fence
+        from ds47.batch.endings import fence
         from ds47.capture import CaptureError
         from ds47.export import KeyFileError, SelectionError, export, first_time
 

@@ -13,8 +13,7 @@ from functools import partial
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-from ds47.batch.endings import Lost
-from ds47.batch.fence import fence
+from ds47.batch.endings import Lost, fence
 from ds47.batch.memory import collect
 from ds47.capture import CaptureError
 from ds47.capture.names import about

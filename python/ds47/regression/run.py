@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ds47.analysis import AnalysisOptions
-from ds47.batch.fence import fence
+from ds47.batch.endings import fence
 from ds47.batch.tasks import Task, in_folders, plan, read
 from ds47.capture import CaptureError
 from ds47.capture.rings import common_name
