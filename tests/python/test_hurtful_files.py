@@ -259,7 +259,7 @@ def test_a_stored_result_without_frames_is_told(tmp_path: Path, captures: Path, 
     assert (status, "see transactions[0].frames.write_request" in line) == (1, True)
 
 
-@pytest.mark.parametrize("damage", ["rows", "severity", "transactions"])
+@pytest.mark.parametrize("damage", ["rows", "severity", "time", "transactions"])
 def test_a_result_whose_digest_is_right_and_whose_content_is_none(
     tmp_path: Path, captures: Path, said: Any, damage: str
 ) -> None:
@@ -272,6 +272,8 @@ def test_a_result_whose_digest_is_right_and_whose_content_is_none(
         text = text.replace('"row": {', '"row": {"colour": 1, ')
     elif damage == "severity":
         text = text.replace('"findings": {', '"findings": {"purple": 1, ')
+    elif damage == "time":
+        text = text.replace('"start": "', '"start": "x')
     else:
         text = text.replace('"transactions": [', '"transactions": [7, ')
     seal = text.split('"seal": "', 1)[1][:64]

@@ -99,6 +99,9 @@ class CaptureRow:
             *SEVERITIES
         }:
             raise ValueError("a severity that is none")
+        for time in (row.start, row.end):
+            if time is not None:
+                nanoseconds(time)  # raises where it is none
         return row
 
     def plain(self) -> dict[str, Any]:
