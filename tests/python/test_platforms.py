@@ -86,7 +86,7 @@ def test_no_command_stops_at_a_letter_that_the_code_page_lacks(
     status = main([*arguments, *language, *rest])
     out, err = console.text()
     assert status in (0, 1, 3), err
-    assert "internal error" not in err
+    assert "internal fault" not in err
     assert out or err
     assert "\r\r" not in out
 

@@ -781,6 +781,57 @@ def test_dumpcap_that_dies_in_between(tmp_path: Path) -> None:
         assert "no longer running" in watch.errors.get(timeout=5)
 
 
+@posix
+@pytest.mark.parametrize("noisy", [False, True], ids=["silent", "never silent"])
+def test_dumpcap_that_does_not_end(tmp_path: Path, noisy: bool) -> None:
+    """It knows no duration and no TERM."""
+    fake = tmp_path / "dumpcap"
+    goes_on = f"while :; do tail -c +{len(b''.join(blocks(TOUR)[:2])) + 1} '{TOUR}'; done"
+    fake.write_text(
+        f"#!/bin/sh\ntrap '' TERM INT\ncat '{TOUR}'\n{goes_on if noisy else 'exec sleep 90'}\n"
+    )
+    fake.chmod(0o755)
+    words = ("-i", "eth0", "--dumpcap", str(fake), "--duration", "0.5")
+    with watching(*words, stdin=subprocess.DEVNULL) as watch:
+        assert watch.line(30).startswith("#")
+        begin = time.monotonic()
+        assert watch.process.wait(45) == 0
+        assert time.monotonic() - begin < 30
+        lines = [watch.lines.get_nowait() for _ in range(watch.lines.qsize())]
+        assert any("transactions:" in line for line in lines)
+        assert watch.errors.empty()
+
+
+@posix
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("Capturing on eth0\ncannot open eth0: driver says 17", "status 1: cannot open eth0: driver says 17"),
+        ("", "dumpcap ended with status 1"),
+    ],
+)  # fmt: skip
+def test_what_dumpcap_said_is_shown(tmp_path: Path, said: str, shown: str) -> None:
+    fake = tmp_path / "dumpcap"
+    fake.write_text(f"#!/bin/sh\necho '{said}' >&2\nexit 1\n")
+    fake.chmod(0o755)
+    with watching("-i", "eth0", "--dumpcap", str(fake), stdin=subprocess.DEVNULL) as watch:
+        assert watch.process.wait(30) == 3
+        assert watch.errors.get(timeout=5).endswith(shown)
+
+
+@posix
+def test_a_summary_that_is_asked_for_too_early_ends_nothing() -> None:
+    script = (
+        "import os, signal, sys; sys.argv = ['ds47', 'watch', '-']; import ds47.cli;"
+        "os.kill(os.getpid(), signal.SIGUSR1); sys.exit(ds47.cli.main())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], input=TOUR.read_bytes(), capture_output=True, check=False
+    )
+    assert done.returncode == 0
+    assert b"transactions:" in done.stdout
+
+
 def test_arguments_for_dumpcap() -> None:
     words = dumpcap.arguments(["eth0", "eth1"], None, 2.5)
     assert words == ["-q", "-w", "-", "-f", dumpcap.CAPTURE_FILTER, "-i", "eth0", "-i", "eth1",

@@ -16,10 +16,11 @@ from importlib import metadata
 from typing import Any
 
 from ds47.batch.endings import Failed, Lost
-from ds47.batch.products import Product, draft_of, kept_from, whole
+from ds47.batch.products import Product, kept_from, whole
 from ds47.batch.runner import Begun, Outcome, PathOf, TaskWindow
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
+from ds47.capture.drafts import draft_of
 from ds47.spec.extras import install
 from ds47.version import __version__
 

@@ -26,10 +26,11 @@ from typing import BinaryIO, ClassVar, Final, TypeVar
 
 from ds47.batch.endings import Failed
 from ds47.batch.memory import collect, collect_rarely
-from ds47.batch.products import Product, discard, draft_of, kept_from, whole
+from ds47.batch.products import Product, discard, kept_from, whole
 from ds47.batch.runner import Begun, Outcome, PathOf, TaskWindow
 from ds47.batch.tasks import STDIN, Task
 from ds47.capture import CaptureError
+from ds47.capture.drafts import draft_of
 
 _SHARE, _SHARE_BYTES = 16, 1 << 20
 """So many tasks, or bytes of captures, go to a process together: to hand one over takes as long as to read one."""
@@ -43,8 +44,8 @@ _KILLED: Final = CaptureError(
 
 
 Made = TypeVar("Made")
-Products = list[str | bytes | None]
-"""For each task of a share: its product, None if that is in its file, or as text why there is none."""
+Products = list[CaptureError | bytes | None]
+"""For each task of a share: its product, None if that is in its file, or why there is none."""
 
 
 class Local(TaskWindow[Future[Products]]):
@@ -118,10 +119,8 @@ class Local(TaskWindow[Future[Products]]):
         for begun, product in zip(share, products, strict=True):
             begun.outcome = self._came_of(begun.task, product)
 
-    def _came_of(self, task: Task, product: str | bytes | None) -> Outcome:
-        if product is None:
-            return self._path_of(task)
-        return CaptureError(product) if isinstance(product, str) else product
+    def _came_of(self, task: Task, product: CaptureError | bytes | None) -> Outcome:
+        return self._path_of(task) if product is None else product
 
     def _one_died(self, share: list[Begun]) -> None:
         """Restarts everything at work, this share task by task: any of them may have killed the process."""
@@ -243,7 +242,7 @@ def _work(make: Product, work: list[tuple[Task, Path, Path]]) -> Products:
     return [_one(make, *each) for each in work]
 
 
-def _one(make: Product, task: Task, path: Path, draft: Path) -> str | bytes | None:
+def _one(make: Product, task: Task, path: Path, draft: Path) -> CaptureError | bytes | None:
     """One of `Products`."""
     try:
         if not make.is_kept and 0 < task.size <= _SMALL:  # of stdin it is not known
@@ -253,9 +252,9 @@ def _one(make: Product, task: Task, path: Path, draft: Path) -> str | bytes | No
         with whole(path, draft) as stream:
             make(task, stream)
     except CaptureError as problem:
-        return problem.message
+        return problem
     except OSError as problem:
-        return kept_from(problem).message
+        return kept_from(problem)
     finally:
         collect()
     return None

@@ -108,8 +108,3 @@ def kept_from(problem: OSError) -> CaptureError:
     if problem.errno in _ABOUT_ALL:
         raise problem
     return CaptureError(f"no result could be stored: {problem.strerror or problem}")
-
-
-def draft_of(path: Path, owner: int) -> Path:
-    """The path where the process `owner` writes the product."""
-    return path.with_name(f".{path.name}.{owner}.tmp")

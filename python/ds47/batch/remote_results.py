@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from ds47.analysis import AnalysisOptions
 from ds47.batch.endings import Lost
 from ds47.batch.products import discard
-from ds47.batch.results import OVERVIEW, Results
+from ds47.batch.results import LOOKED_AT, OVERVIEW, Results
 from ds47.batch.tasks import Task
 from ds47.capture.remote import file_system, is_url, reason
 from ds47.report.overview import CaptureRow
@@ -51,14 +51,34 @@ class RemoteResults(Results):
         """The URL of the folder, or of the result of a task."""
         return self._url if task is None else f"{self._url}/{self._name(task)}"
 
+    def spare(self, tasks: Sequence[Task]) -> None:
+        """Whether the folder can be written at all, too."""
+        if self._url.startswith(_READ_ONLY):
+            raise OSError(errno.EROFS, "a web server stores no results")
+        super().spare(tasks)
+
+    def _heads(self, names: Sequence[str]) -> Iterator[tuple[str, bytes]]:
+        """The beginnings of those files of these names that are behind the URL."""
+        wanted = {f"{self._base}/{name}": f"{self._url}/{name}" for name in names}
+        with self._reached():
+            paths = sorted(self._there() & set(wanted))
+            ends = [LOOKED_AT] * len(paths)
+            heads = self._system.cat_ranges(paths, [0] * len(paths), ends, on_error="raise")
+        yield from ((wanted[path], head) for path, head in zip(paths, heads, strict=True))
+
+    def _there(self) -> set[str]:
+        """All files behind the URL."""
+        with suppress(FileNotFoundError):
+            self._system.invalidate_cache()
+            return set(self._system.find(self._base))
+        return set()
+
     def begin(self) -> None:
         """Whether the folder can be written; an overview of an earlier run is not that of this one.
 
         Raises:
             OSError: it cannot.
         """
-        if self._url.startswith(_READ_ONLY):
-            raise OSError(errno.EROFS, "a web server stores no results")
         super().begin()
         overview = self.folder / OVERVIEW
         overview.write_text("{}")
@@ -74,10 +94,7 @@ class RemoteResults(Results):
             OSError: they cannot be read.
         """
         with self._reached():
-            there: set[str] = set()
-            with suppress(FileNotFoundError):
-                self._system.invalidate_cache()
-                there = set(self._system.find(self._base))
+            there = self._there()
             wanted = [task for task in tasks if self._remote(task) in there]
             for begin in range(0, len(wanted), _AT_ONCE):
                 some = wanted[begin : begin + _AT_ONCE]

@@ -11,16 +11,21 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, cast
 
 from ds47.analysis import AnalysisOptions
-from ds47.batch.products import discard, draft_of, whole
+from ds47.batch.products import discard, whole
 from ds47.batch.settings import expected_for, options_for
 from ds47.batch.tasks import Task, read
+from ds47.capture import CaptureError
+from ds47.capture.drafts import draft_of
 from ds47.capture.remote import is_url
+from ds47.capture.special import special
 from ds47.model import CaptureResult
 from ds47.parameters.file_names import REFUSED, is_device
 from ds47.report import SCHEMA, ReportOptions, load
@@ -36,8 +41,16 @@ DAMAGED = "damaged result"
 _UNSEALED = "0" * 64
 _SEAL = b'"seal": "'
 """Stands nowhere else in a first line: a text there has its quotes escaped."""
+LOOKED_AT = 256
+_SCHEMA = b'{"schema": "ds47.'
+_OURS = re.compile(_SCHEMA + rb'(?:overview/|report/\d+", "tool": [^\n]*(?:"run": |\Z))')
+"""How a result or an overview begins, also a damaged one."""
 _REST = "]}"
 """What makes a document of the first line of a result."""
+
+
+class NotOursError(Exception):
+    """A file of the name of a result is none, so it is not written over; the text names it."""
 
 
 class SameNameError(Exception):
@@ -188,16 +201,32 @@ class Results:
             return False
 
     def row(self, task: Task) -> CaptureRow:
-        """What the overview tells of a task that is done."""
-        return CaptureRow.loaded(self._head(task)["run"]["row"])
+        """What the overview tells of a task that is done.
+
+        Raises:
+            CaptureError: its result is whole, and still none.
+        """
+        with self._misshapen(task):
+            return CaptureRow.loaded(self._head(task)["run"]["row"])
 
     def load(self, task: Task) -> CaptureResult:
-        """The result of a task that is done."""
-        stored = json.loads(self.path_of(task).read_bytes())
-        result = load.capture(stored["captures"][0])
-        row = stored["run"]["row"]
-        result.problem, result.dropped = row["problem"], row["dropped"]
-        return result
+        """The result of a task that is done. Raises CaptureError, as `row`."""
+        with self._misshapen(task):
+            stored = json.loads(self.path_of(task).read_bytes())
+            result = load.capture(stored["captures"][0])
+            row = stored["run"]["row"]
+            result.problem, result.dropped = row["problem"], row["dropped"]
+            return result
+
+    @contextmanager
+    def _misshapen(self, task: Task) -> Iterator[None]:
+        """A digest that is right is no proof: who writes a result by hand can make that, too."""
+        try:
+            yield
+        except (OSError, *_MISSHAPEN) as problem:
+            raise CaptureError(
+                f"{self.shown(task)}: {DAMAGED}; the next run makes it again"
+            ) from problem
 
     def shown(self, task: Task | None = None) -> str:
         """How people know the folder, or the result of a task."""
@@ -219,6 +248,31 @@ class Results:
     def forget(self, task: Task) -> None:
         """A capture that cannot be read any more has no result."""
         discard(self.path_of(task))
+
+    def spare(self, tasks: Sequence[Task]) -> None:
+        """Whether all that stands under the names of results is what an earlier run wrote.
+
+        Raises:
+            NotOursError: something is not.
+            OSError: nobody can look.
+        """
+        for name, head in self._heads([OVERVIEW, *(self._names[task.path] for task in tasks)]):
+            if not _OURS.match(head) and not _SCHEMA.startswith(
+                head
+            ):  # a disk that failed leaves nothing
+                raise NotOursError(
+                    f"{name} is no result of ds47 report --results and is not written over: "
+                    "move it, or choose another folder"
+                )
+
+    def _heads(self, names: Sequence[str]) -> Iterator[tuple[str, bytes]]:
+        """The beginnings of those files of these names that are there."""
+        for path in (self.folder / name for name in names):
+            if (kind := special(path)) is not None:
+                raise NotOursError(f"{path} is {kind}: move it, or choose another folder")
+            if os.path.isfile(path):  # noqa: PTH113 (of a name that is too long: False)
+                with path.open("rb") as stream:
+                    yield str(path), stream.read(LOOKED_AT)
 
     def begin(self) -> None:
         """Makes the folder; an overview of an earlier run is not that of this one.

@@ -15,9 +15,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Generic, Self, TypeVar
 
-from ds47.batch.products import Product, draft_of, kept_from, whole
+from ds47.batch.products import Product, kept_from, whole
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
+from ds47.capture.drafts import draft_of
 
 Outcome = Path | bytes | CaptureError
 """Where the product of a task is, or itself where it is short, or why there is none."""

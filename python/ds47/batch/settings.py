@@ -9,7 +9,8 @@ Everything else in the file is about comparing results (`ds47.regression.config`
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -219,19 +220,42 @@ def _of_first(locations: Sequence[str]) -> Settings:
     return _nearest(whole if whole.is_dir() else whole.parent)
 
 
+def nearest(folder: Path) -> Path | None:
+    """The file that counts for a folder: its own, or that of the nearest one above."""
+    return next((path for path in _places(folder) if path.is_file()), None)
+
+
+def passed_over(locations: Iterable[str]) -> Iterator[str]:
+    """A line for each `ds47.toml` that would count for captures, and is a folder, a named pipe or the like."""
+    folders = {os.path.dirname(each) for each in locations if "://" not in each}  # noqa: PTH120
+    seen = set[Path]()
+    for folder in sorted(folders):
+        for path in _places(Path(folder).resolve()):
+            if path in seen or path.is_file():
+                break
+            seen.add(path)
+            if os.path.lexists(path):
+                from ds47.capture.special import special  # hardly ever
+
+                if (kind := special(path)) is not None:
+                    yield f"{path} is {kind}, no file: passed over"
+
+
+def _places(folder: Path) -> Iterator[Path]:
+    return (each / FILE for each in (folder, *folder.parents))
+
+
 @cache
 def _nearest(folder: Path) -> Settings:
-    for each in (folder, *folder.parents):
-        if (each / FILE).is_file():
-            return _read(each / FILE)
-    return Settings()
+    path = nearest(folder)
+    return Settings() if path is None else _read(path)
 
 
 def _read(path: Path) -> Settings:
-    import tomllib  # most folders have no settings
+    from ds47.spec import toml  # most folders have no settings
 
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        table = toml.parse(path.read_text(encoding="utf-8-sig"))
         report = table.get("report", {})
         tz = report.pop("tz", None) if isinstance(report, dict) else None
         return parse(table.get("cyclic", {}))._replace(

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ds47.analysis import AnalysisOptions, OnTransaction, analyze
+from ds47.batch.endings import fence
 from ds47.batch.settings import expected_for, options_for
 from ds47.capture import CaptureError, Series, open_capture, sha256
 from ds47.capture.names import is_capture
@@ -98,12 +99,13 @@ def in_folders(series: bool) -> Callable[[str], bool]:
 def names_in(folder: Path) -> list[str]:
     """Names of the captures in a folder, including files of tcpdump -C; none if it cannot be listed."""
     from ds47.capture.rings import may_be_part
+    from ds47.capture.special import special
 
     try:
         names = [each.name for each in folder.iterdir()]
     except OSError:
         return []
-    return sorted(filter(may_be_part, names))
+    return sorted(name for name in filter(may_be_part, names) if special(folder / name) is None)
 
 
 def _series(ring: Ring) -> Task:
@@ -156,14 +158,15 @@ def read(
     With parameters that are expected, by the caller or by its `ds47.toml`, all transactions come at the end.
 
     Raises:
-        ds47.capture.CaptureError: none of it can be read, or its `ds47.toml` cannot be used.
+        ds47.capture.CaptureError: none of it can be read, its `ds47.toml` cannot be used, or ds47 itself broke.
     """
-    expected = expected or expected_for(task.sources[0].location)
-    if not expected:
-        return _read(task, options, finished)
-    from ds47.report.expected import judged
+    with fence():
+        expected = expected or expected_for(task.sources[0].location)
+        if not expected:
+            return _read(task, options, finished)
+        from ds47.report.expected import judged
 
-    return judged(_read(task, options, None), expected, options, finished)
+        return judged(_read(task, options, None), expected, options, finished)
 
 
 def _read(task: Task, options: AnalysisOptions, finished: OnTransaction | None) -> CaptureResult:

@@ -4,6 +4,8 @@ Lives here: the one exception of this package. Not here: damage inside a capture
 exception but the text of `Capture.problem`.
 """
 
+from typing import ClassVar
+
 from ds47.spec.raised import Error
 
 
@@ -12,6 +14,9 @@ class CaptureError(Error):
 
     `message` is one line for a person: what happened, to which input, what to do about it.
     """
+
+    ours: ClassVar[bool] = False
+    """Whether ds47 is to blame, and not the capture."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message)

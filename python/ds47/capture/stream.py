@@ -28,6 +28,11 @@ CHUNK = 1 << 18  # fits the second-level cache; larger is slower
 
 _GZIP = b"\x1f\x8b"
 _ZSTD = b"\x28\xb5\x2f\xfd"
+_PORTION = 1 << 12
+_PLENTY, _RATIO = 64 << 20, 500
+"""So many bytes may come of anything, then so many of each packed one: times and counters change."""
+_EMPTY = 1000
+"""Members without content in a row."""
 
 
 class DamagedError(Exception):
@@ -149,15 +154,18 @@ def _zstd_decoder() -> _Decoder:
 
 
 class _Decompressed:
-    """The plain bytes of a compressed stream, in bounded pieces, over any number of members."""
+    """The plain bytes of a compressed stream, in bounded pieces, over any number of members.
+
+    What is made to hurt is damage: more than `_RATIO` times what was packed, or members without content.
+    """
 
     def __init__(self, source: _Raw, magic: bytes) -> None:
         self._source = source
         self._magic = magic
         self._name = "gzip" if magic == _GZIP else "zstd"
         self._decoder = self._new()
-        self._started = False
-        self._seen = 0
+        self._input, self._at, self._portion = b"", 0, _PORTION
+        self._seen = self._given = self._empty = 0
 
     def _new(self) -> _Decoder:
         return _Gzip() if self._magic == _GZIP else _zstd_decoder()
@@ -171,14 +179,39 @@ class _Decompressed:
                 return b""
             data = b""
             if self._decoder.needs_input:
-                data = self._source.read(CHUNK)
-                if not data and self._started:
+                data = self._feed()
+                if not data and self._seen:
                     raise DamagedError(f"the {self._name} data is cut off after {self._seen} bytes")
-                self._seen += len(data)
-                self._started = True
             piece = self._decode(data, size)
             if piece:
+                self._empty = 0
+                self._count(len(piece))
                 return piece
+
+    def _feed(self) -> bytes:
+        """Input for the decoder: little at the beginning of a member, as what it leaves over is copied."""
+        if self._at == len(self._input):
+            self._input, self._at = self._source.read(CHUNK), 0
+        data = self._input[self._at : self._at + self._portion]
+        self._portion = min(4 * self._portion, CHUNK)
+        self._at += len(data)
+        self._seen += len(data)
+        return data
+
+    def _give_back(self, rest: bytes) -> None:
+        """Takes back the end of what was fed."""
+        if len(rest) > self._at:  # some of it came before this input
+            self._input, self._at = rest + self._input[self._at :], len(rest)
+        self._at -= len(rest)
+        self._seen -= len(rest)
+
+    def _count(self, size: int) -> None:
+        self._given += size
+        if self._given > max(_PLENTY, _RATIO * self._seen):
+            raise DamagedError(
+                f"the {self._name} data unpacks to more than {_RATIO} times its size, which no recording does; "
+                f"the first {self._given} bytes are read. If it is one, unpack it first"
+            )
 
     def _decode(self, data: bytes, size: int) -> bytes:
         try:
@@ -189,21 +222,21 @@ class _Decompressed:
 
     def _next_member(self) -> bool:
         """Start the member that follows; False at the end. Zeros in between are padding."""
-        rest = self._decoder.unused_data.lstrip(b"\0")
-        while len(rest) < len(self._magic):
-            more = self._source.read(CHUNK)
-            if not more:
-                break
-            self._seen += len(more)
+        self._give_back(self._decoder.unused_data)
+        self._portion, rest = _PORTION, b""
+        while len(rest) < len(self._magic) and (more := self._feed()):
             rest = (rest + more).lstrip(b"\0")
         if not rest:
             return False
         if not rest.startswith(self._magic):
             raise DamagedError(f"bytes that are not {self._name} follow the {self._name} data")
-        self._decoder = self._new()
-        # the new member's first bytes are here already: give them back to the source
-        self._source._left = rest + self._source._left
-        self._seen -= len(rest)
+        self._empty += 1
+        if self._empty > _EMPTY:
+            raise DamagedError(
+                f"the {self._name} data has more than {_EMPTY} members without content in a row"
+            )
+        self._give_back(rest)
+        self._decoder, self._portion = self._new(), _PORTION
         return True
 
 

@@ -15,12 +15,16 @@ import atexit
 import errno
 import gc
 import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, cast
 
+if sys.argv[1:2] == ["watch"] and hasattr(signal, "SIGUSR1"):
+    # until it listens: who asks for a summary too early gets none, and does not end it
+    signal.signal(signal.SIGUSR1, signal.SIG_IGN)
 gc.disable()  # until a command is imported: no import leaves garbage, and looking for it takes long
 atexit.register(gc.freeze)  # or the interpreter looks through all of it when it ends
 
@@ -69,12 +73,10 @@ _INTERRUPTED = 130
 _READER_LEFT = 141
 """The exit status that a shell shows after SIGPIPE: the rest of the output is unknown."""
 _INTERNAL = 70
-"""EX_SOFTWARE of sysexits.h. Python itself would end with 1, which says that something was found."""
+"""EX_SOFTWARE of sysexits.h, as `Misses.OURS`. Python itself would end with 1: something was found."""
 
 _WIDEST = 100
 """Columns of a line of help."""
-_LONGEST = 300
-"""Letters of an internal error that its line shows."""
 
 
 class _Commands(click.Group):
@@ -245,18 +247,11 @@ def _reader_may_leave() -> Iterator[None]:
 
 
 def _explain(problem: Exception) -> None:
-    """One line about a fault of ours; all that Python knows of it where DS47_TRACEBACK is set."""
+    """One line about a fault of ours."""
+    from ds47.batch.endings import explained
     from ds47.cli.common import fail
 
-    if os.environ.get("DS47_TRACEBACK"):
-        import traceback
-
-        traceback.print_exception(problem)
-    what = " ".join(f"{type(problem).__name__}: {problem}".split()).rstrip(": ")[:_LONGEST]
-    fail(
-        f"internal fault: {what}; please report it with the command, ds47 --version and what "
-        "DS47_TRACEBACK=1 shows"
-    )
+    fail(explained(problem))
 
 
 def _reader_left(problem: OSError) -> bool:

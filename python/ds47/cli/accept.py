@@ -122,8 +122,11 @@ def _find(
         for task, outcome in each_of(one, tasks(paths, series, misses), jobs):
             tell_lacking(task.path, outcome.missing_files, outcome.problem, misses)
             if outcome.error is not None:
-                tell = misses if outcome.unreadable else warn
-                tell(about(task.path, outcome.error))
+                text = about(task.path, outcome.error)
+                if outcome.unreadable:
+                    misses(text, ours=outcome.ours)
+                else:
+                    warn(text)
                 status = 1
                 continue
             changes = [
@@ -135,7 +138,7 @@ def _find(
                 found.append((outcome, changes))
     except ConfigError as problem:
         raise click.ClickException(str(problem)) from problem
-    return found, 3 if misses else status
+    return found, misses.status or status
 
 
 def _list(found: Sequence[tuple[CheckOutcome, list[Change]]], most: int | None, lang: str) -> None:

@@ -55,7 +55,7 @@ def command(
             _say(say("baseline_there", target=str(target)).text(lang))
             continue
         if isinstance(result, CaptureError):
-            misses(about(task.path, str(result)))
+            misses.of(task.path, result)
             continue
         try:
             baseline.save(target, baseline.content(result), Path(task.path).name)
@@ -71,7 +71,7 @@ def command(
         )
         _say(stored.text(lang))
         tell_lacking(task.path, result.missing_files, result.lacking, misses)
-    return 3 if misses else 0
+    return misses.status
 
 
 def _result(

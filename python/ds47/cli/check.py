@@ -122,8 +122,10 @@ def command(
         _write_junit(outcomes, seconds, junit)
     if sarif:
         _write_sarif(outcomes, sarif)
+    if any(outcome.ours for outcome in outcomes):
+        return misses.OURS
     if misses or any(outcome.unreadable for outcome in outcomes):
-        return 3
+        return misses.UNREADABLE
     return int(any(outcome.failed for outcome in outcomes))
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeVar
 import click
 
 if TYPE_CHECKING:
+    from ds47.capture import CaptureError
     from ds47.profidrive import Flaw, Options
     from ds47.spec import Rule
 
@@ -166,18 +167,26 @@ def fail(text: str) -> None:
 
 
 class Misses:
-    """Says on stderr what could not be read; true after the first line."""
+    """Says on stderr what could not be read; true after the first line. `status` is that of the command then."""
+
+    UNREADABLE, OURS = 3, 70
 
     def __init__(self) -> None:
-        self._any = False
+        self.status = 0
 
-    def __call__(self, text: str) -> None:
-        """Says one line."""
-        self._any = True
+    def __call__(self, text: str, *, ours: bool = False) -> None:
+        """Says one line; `ours` where it is about a fault of ds47 itself."""
+        self.status = max(self.status, self.OURS if ours else self.UNREADABLE)
         fail(text)
 
+    def of(self, path: str, problem: CaptureError) -> None:
+        """Says what is wrong with a capture."""
+        from ds47.capture.names import about
+
+        self(about(path, str(problem)), ours=problem.ours)
+
     def __bool__(self) -> bool:
-        return self._any
+        return bool(self.status)
 
 
 def counted(number: int, noun: str) -> str:
@@ -198,6 +207,7 @@ def output(name: str) -> Iterator[TextIO]:
 
     Raises click.ClickException if the file cannot be written, or is a capture.
     """
+    from ds47.capture.drafts import draft_of
     from ds47.cli.targets import spare_captures
 
     if name == "-":
@@ -206,7 +216,7 @@ def output(name: str) -> Iterator[TextIO]:
     spare_captures(name)
     target = Path(name).resolve()
     special = target.exists() and not target.is_file()  # /dev/null, a pipe: nothing to replace
-    draft = target if special else target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    draft = target if special else draft_of(target)
     try:
         stream = draft.open("w", encoding="utf-8", errors="backslashreplace", newline="\n")
     except OSError as problem:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import columns_of, fail, format_option, output
+from ds47.cli.common import Misses, columns_of, fail, format_option, output
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -124,7 +124,7 @@ def _side(
         result = readable(task, analysis)
     except CaptureError as problem:
         fail(about(path, str(problem)))
-        raise click.exceptions.Exit(3) from problem
+        raise click.exceptions.Exit(Misses.OURS if problem.ours else 3) from problem
     tell_lacking(task.path, result.missing_files, result.lacking)
     return baseline.content(result, lang), result.complete
 

@@ -66,16 +66,17 @@ class Execution(NamedTuple):
         if self.folder is None:
             return None, tasks
         from ds47.batch.remote_results import results_at
-        from ds47.batch.results import SameNameError
+        from ds47.batch.results import NotOursError, SameNameError
         from ds47.capture import CaptureError
 
         try:
             results = results_at(self.folder, self.analysis, self.lang, self.expected)
             results.name(tasks, roots)
+            results.spare(tasks)
             results.begin()
             if self.resume:
                 results.fetch(tasks)
-        except CaptureError as problem:
+        except (CaptureError, NotOursError) as problem:
             raise click.ClickException(str(problem)) from problem
         except SameNameError as problem:
             raise click.ClickException(f"{problem}; report them one at a time") from problem
@@ -148,6 +149,7 @@ class Execution(NamedTuple):
             from ds47.batch.tasks import read
 
             return lambda task, finished: read(task, options, finished, expected)
+        from ds47.batch.endings import fence
         from ds47.wireshark.engine import Engine
         from ds47.wireshark.tshark import NotReadyError
 
@@ -160,11 +162,12 @@ class Execution(NamedTuple):
 
         def analyze(task: Task, finished: OnTransaction | None) -> CaptureResult:
             source = sys.stdin.buffer if task.path == STDIN else task.path
-            if not expected:
-                return other.analyze(source, finished)
-            from ds47.report.expected import judged
+            with fence():
+                if not expected:
+                    return other.analyze(source, finished)
+                from ds47.report.expected import judged
 
-            return judged(other.analyze(source), expected, options, finished)
+                return judged(other.analyze(source), expected, options, finished)
 
         return analyze
 

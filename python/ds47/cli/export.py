@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ds47.capture.series import SeriesPart
     from ds47.export import ExportOutcome, Replacements
 
-_UNREADABLE, _NOTHING = 3, 1
+_NOTHING = 1
 _LINKS = {"profibus": 257, "user0": 147}
 _FILES_SHOWN = 20
 _FILTER_SHOWN = 100
@@ -152,7 +152,7 @@ def command(
     if not run.written:
         choice.refuse_backwards()
     if run.misses:
-        return _UNREADABLE
+        return run.misses.status
     return 0 if run.written else _NOTHING
 
 
@@ -167,6 +167,7 @@ def _examples(
     options: AnalysisOptions,
 ) -> int:
     """Writes the examples of each capture, and says a line of each."""
+    from ds47.batch.endings import fence
     from ds47.capture import CaptureError
 
     folder = Path(output_name or ".")
@@ -178,14 +179,14 @@ def _examples(
     for task in found:
         stem = str(folder / (task.own_name or _stem(task.path)))
         try:
-            with _source(task) as source:
+            with fence(click.ClickException), _source(task) as source:
                 written += _examples_of(task, source, stem, rules, bus_link, targets, lang, options)
         except CaptureError as problem:
-            misses(about(task.path, str(problem)))
+            misses.of(task.path, problem)
         except OSError as problem:
             raise cannot_write(str(problem.filename or stem), problem) from problem
     if misses:
-        return _UNREADABLE
+        return misses.status
     return 0 if written else _NOTHING
 
 
@@ -292,11 +293,12 @@ class _Run:
 
     def one(self, task: Task, target: str) -> None:
         """Exports one capture."""
+        from ds47.batch.endings import fence
         from ds47.capture import CaptureError
         from ds47.export import KeyFileError, SelectionError, export, first_time
 
         try:
-            with _source(task) as source:
+            with fence(SelectionError, KeyFileError), _source(task) as source:
                 selection = self._choice.of(first_time(source) if self._choice.relative else None)
                 sink = sys.stdout.buffer if target == STDIN else target
                 done = export(
@@ -306,7 +308,7 @@ class _Run:
                 if self._key is not None and self.key_path is not None and done.frames:
                     self._key.save(self.key_path)
         except CaptureError as problem:
-            self.misses(about(task.path, str(problem)))
+            self.misses.of(task.path, problem)
             return
         except (SelectionError, KeyFileError) as problem:
             raise click.ClickException(about(task.path, str(problem))) from problem

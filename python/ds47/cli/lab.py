@@ -5,13 +5,16 @@ The scenarios are `ds47.lab`; it needs scapy, which a plain installation does no
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
 import click
 
-from ds47.cli.common import columns_of, stdout, tell
+from ds47.capture.special import special
+from ds47.cli.common import cannot_write, columns_of, stdout, tell
 from ds47.cli.helping import Gathered
 from ds47.report.table import table
 from ds47.spec.extras import install
@@ -48,8 +51,31 @@ def write(folder: Path, names: Sequence[str], log: bool) -> None:
     stream = stdout()
     for name in names or sorted(of_bus if log else known):
         path = folder / (f"{name}.txt" if log else f"{name}.pcapng")
-        (lab.write_log if log else lab.write)(name, path)
+        _place(partial(lab.write_log if log else lab.write, name), path)
         stream.write(f"{path}\n")
+
+
+def _place(write: Callable[[Path], object], path: Path) -> None:
+    """Writes a file that appears whole or not at all; one that is there stays if it is another one.
+
+    Raises:
+        click.ClickException: it is, or it cannot be written.
+    """
+    from ds47.capture.drafts import draft_of
+
+    draft = draft_of(path)
+    try:
+        write(draft)
+        if not os.path.lexists(path):
+            draft.replace(path)
+        elif special(path) is not None or path.read_bytes() != draft.read_bytes():
+            raise click.ClickException(
+                f"{path} is there and is not what the lab writes: move it, or choose another folder"
+            )
+    except OSError as problem:
+        raise cannot_write(str(path), problem) from problem
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 def _lab() -> ModuleType:

@@ -19,7 +19,7 @@ from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
 from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, columns_of, fail, output, stdout, width_option
+from ds47.cli.common import Misses, color, columns_of, fail, output, stdout, width_option
 from ds47.cli.execution import Execution
 from ds47.cli.helping import Helped
 from ds47.cli.options import (
@@ -233,7 +233,7 @@ def command(
 
         webbrowser.open(Path(output_name).resolve().as_uri())
     if run.failed:
-        return UNREADABLE
+        return Misses.OURS if run.ours else UNREADABLE
     if run.nothing:
         choice.refuse_backwards()
         there = run.instead(choice.of(None))

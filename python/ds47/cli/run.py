@@ -13,7 +13,7 @@ from functools import partial
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-from ds47.batch.endings import Lost
+from ds47.batch.endings import Lost, fence
 from ds47.batch.memory import collect
 from ds47.capture import CaptureError
 from ds47.capture.names import about
@@ -49,6 +49,8 @@ class Run:
         self._progress = progress
         self._reported = 0
         self.failed = False
+        self.ours = False
+        """Whether ds47 itself broke on a capture."""
         self.worst = -1
         self.empty: list[str] = []
         """The captures without a transaction."""
@@ -107,9 +109,16 @@ class Run:
         self._gaps(result)
         if not result.summary["transactions"]:
             self.empty.append(task.path)
+        try:
+            with fence():
+                self._show(result)
+        except CaptureError as problem:
+            self._unreadable(task, problem)
+
+    def _show(self, result: CaptureResult) -> None:
         if self._choice is None:
             self._note(result.findings)
-            writer.capture(result)
+            self._writer.capture(result)
         else:
             self._part(result, self._choice)
 
@@ -172,10 +181,17 @@ class Run:
     def _store(self, results: Results, task: Task, outcome: Outcome, *, whole: bool) -> CaptureRow:
         from ds47.report.overview import CaptureRow
 
-        if isinstance(outcome, CaptureError):
+        try:
+            if isinstance(outcome, CaptureError):
+                raise outcome
+            with fence():
+                return self._take(results, task, whole=whole)
+        except CaptureError as problem:
             results.forget(task)
-            problem = self._unreadable(task, outcome, told=whole)
-            return CaptureRow.unreadable(task.path, problem)
+            return CaptureRow.unreadable(task.path, self._unreadable(task, problem, told=whole))
+
+    def _take(self, results: Results, task: Task, *, whole: bool) -> CaptureRow:
+        """Reports what is stored."""
         row = results.row(task)
         self.worst = max(self.worst, row.worst)
         self._whole(task.path, row.complete, row.problem)
@@ -189,7 +205,7 @@ class Run:
         return row
 
     def _unreadable(self, task: Task, problem: CaptureError, *, told: bool = True) -> str:
-        text = str(problem)
+        text, self.ours = str(problem), self.ours or problem.ours
         self.missing(about(task.path, text))
         if told:
             self._writer.unreadable(task.path, text)

@@ -37,10 +37,14 @@ def tasks(paths: Sequence[str], series: bool, missing: Callable[[str], None]) ->
         series: whether the option was given.
         missing: as for `ds47.batch.captures.captures`.
     """
+    from ds47.batch.settings import passed_over
     from ds47.batch.tasks import in_folders, plan
 
     named = list(_with_their_series(paths)) if series else paths
-    return plan(list(captures(named, missing, in_folders(series))), series)
+    found = plan(list(captures(named, missing, in_folders(series), warn)), series)
+    for text in passed_over(task.path for task in found):
+        warn(text)
+    return found
 
 
 def refuse_urls(paths: Sequence[str]) -> None:

@@ -77,7 +77,7 @@ def command(
             try:
                 result = readable(task, analysis)
             except CaptureError as problem:
-                misses(about(task.path, str(problem)))
+                misses.of(task.path, problem)
                 continue
             found, left = writer.capture(result, choice.of(result.start_ns, result.end_ns))
             changes += found
@@ -97,7 +97,7 @@ def command(
         there = instead.words(choice.of(None))
         fail(say("trail_nothing", criteria=choice.criteria, devices=there).text(lang))
     if misses:
-        return 3
+        return misses.status
     return int(bool(choice) and not changes)
 
 

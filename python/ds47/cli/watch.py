@@ -176,9 +176,18 @@ class _Watch:
         from ds47.live import dumpcap
 
         with dumpcap.start(program, interfaces, capture_filter, duration, self._options) as running:
-            return self.run(running.output.fileno(), running)
+            # dumpcap is told the duration, too; it opens the interface first
+            seconds = None if duration is None else duration + dumpcap.SECONDS_TO_END
+            return self.run(running.output.fileno(), running, seconds=seconds)
 
-    def run(self, descriptor: int, running: Dumpcap | None = None, *, follow: bool = False) -> int:
+    def run(
+        self,
+        descriptor: int,
+        running: Dumpcap | None = None,
+        *,
+        follow: bool = False,
+        seconds: float | None = None,
+    ) -> int:
         """Watches a pipe to its end, or until the user stops it; `follow`: a file that grows."""
         from ds47.live.feed import Feed, keyboard
         from ds47.report.bilingual import say
@@ -187,7 +196,14 @@ class _Watch:
             if running is not None:
                 running.end()
 
-        feed = Feed(descriptor, self._summary, end, drain=running is not None, follow=follow)
+        feed = Feed(
+            descriptor,
+            self._summary,
+            end,
+            drain=running is not None,
+            follow=follow,
+            seconds=seconds,
+        )
         keys = keyboard(descriptor)
         if follow:
             warn(say("watch_follows", name=self._name).text(self._lang))

@@ -9,7 +9,6 @@ Nothing is printed here.
 from __future__ import annotations
 
 import errno
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ from uuid import UUID
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Interface, PcapngWriter, WholeFrame
+from ds47.capture.drafts import draft_of
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.capture.writer import nearest
 from ds47.model import PKW, S7, CaptureResult
@@ -448,7 +448,7 @@ def _write(
     if is_link_to_file(path):
         raise OSError(errno.EEXIST, LINK.format(target=path.resolve()), str(path))
     special = path.exists() and not path.is_file()
-    draft = path if special else path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    draft = path if special else draft_of(path)
     try:
         with draft.open("wb") as stream:
             _write_all(frames, stream, chosen, outcome, plain)

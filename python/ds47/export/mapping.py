@@ -14,6 +14,8 @@ from struct import pack
 from typing import Any
 from uuid import UUID
 
+from ds47.capture.drafts import draft_of
+
 SCHEMA = "ds47.key/1"
 KINDS = ("mac", "ip", "name", "uuid", "value")
 _NETS = 512
@@ -189,7 +191,7 @@ class Replacements:
             "networks": {net: list(words) for net, words in self._nets.items()},
             "counts": self._counts,
         }
-        draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        draft = draft_of(path)
         try:
             number = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
             with os.fdopen(number, "w", encoding="utf-8", newline="\n") as stream:

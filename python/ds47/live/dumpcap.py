@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -37,8 +38,13 @@ in a tagged frame too, where the card has taken the tag away.
 _COOKED_FILTER = "udp{0}"
 """For devices without Ethernet headers: `vlan` and `ether[]` are errors there."""
 _COOKED = ("any",)
-_SECONDS_TO_END = 5
+SECONDS_TO_END = 5
+"""How long dumpcap may take longer than it should."""
 
+_SECONDS_TO_SPEAK = 1
+"""Who it started may hold its stderr open."""
+_CHATTER = ("Capturing on ", "File: ", "Packets ")
+"""How lines begin that complain of nothing."""
 _NO_PERMISSION = "permission"
 _ADVICE = {
     "linux": "add yourself to the group wireshark (Debian: sudo dpkg-reconfigure wireshark-common; "
@@ -135,24 +141,23 @@ class Dumpcap(Closing):
         self._reader = threading.Thread(target=self._read_errors, daemon=True)
         self._reader.start()
         self._interface = words[words.index("-i") + 1] if "-i" in words else ""
-        self._asked_to_end = False
+        self._asked_to_end: float | None = None
 
     def close(self) -> None:
         """Ends it, and waits until it has ended."""
         self.end()
-        try:
-            self._process.wait(_SECONDS_TO_END)
-        except subprocess.TimeoutExpired:
+        if self._ended() is None:
             self._process.kill()
             self._process.wait()
-        self._reader.join(_SECONDS_TO_END)
+        self._reader.join(_SECONDS_TO_SPEAK)
         self.output.close()
         if self._process.stderr is not None:
             self._process.stderr.close()
 
     def end(self) -> None:
         """Asks it to end; what it has captured still comes."""
-        self._asked_to_end = True
+        if self._asked_to_end is None:
+            self._asked_to_end = time.monotonic()
         if self._process.poll() is None:
             self._process.terminate()
 
@@ -161,25 +166,32 @@ class Dumpcap(Closing):
 
         Waits for its end: call this when the output is at its end.
         """
+        status = self._ended()
+        if not status or self._asked_to_end is not None:
+            return None
+        self._reader.join(_SECONDS_TO_SPEAK)
+        return self._said(status)
+
+    def _ended(self) -> int | None:
+        """Its status, for which it has some seconds since it was asked to end; None where it goes on."""
+        begin = time.monotonic() if self._asked_to_end is None else self._asked_to_end
         try:
-            status = self._process.wait(_SECONDS_TO_END)
+            return self._process.wait(max(0.1, begin + SECONDS_TO_END - time.monotonic()))
         except subprocess.TimeoutExpired:
             return None
-        self._reader.join(_SECONDS_TO_END)
-        if status == 0 or self._asked_to_end:
-            return None
-        return self._said() or f"dumpcap ended with status {status}"
 
     def _read_errors(self) -> None:
         assert self._process.stderr is not None
         for line in iter(self._process.stderr.readline, b""):
             self._errors.append(line.decode("utf-8", errors="replace").rstrip())
 
-    def _said(self) -> str:
-        """The line of its complaint, with advice if there is any."""
-        lines = [line for line in self._errors if line]
+    def _said(self, status: int) -> str:
+        """Its complaint, else the last that it said, with advice if there is any."""
+        lines = [line for line in self._errors if line and not line.startswith(_CHATTER)]
         first = next((n for n, line in enumerate(lines) if line.startswith("dumpcap:")), None)
-        text = "" if first is None else " ".join(lines[first : first + 3])
+        text = " ".join(lines[-3:] if first is None else lines[first : first + 3])
+        if first is None:
+            text = f"dumpcap ended with status {status}{': ' if text else ''}{text}"
         if _NO_PERMISSION in text.lower():
             text += ". " + _ADVICE.get(sys.platform, _ADVICE["linux"]).format(self._interface)
         elif "no device named" in text.lower() or "interface" in text.lower():

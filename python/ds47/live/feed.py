@@ -41,6 +41,7 @@ class Feed:
         on_stop: called when the user stops: ends the writer of the pipe.
         drain: whether there will be an end of the pipe then, worth waiting for.
         follow: whether the end of the file is only the end so far: more may be written behind it.
+        seconds: after which it stops by itself, whether or not the writer of the pipe does.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Feed:
         on_stop: Callable[[], None],
         drain: bool = False,
         follow: bool = False,
+        seconds: float | None = None,
     ) -> None:
         self._descriptor = descriptor
         self._on_summary = on_summary
@@ -60,6 +62,7 @@ class Feed:
         self._room = threading.Semaphore(_CHUNKS_AHEAD)
         self._left = b""
         self._ended = False
+        self._last = None if seconds is None else time.monotonic() + seconds
         self._deadline: float | None = None
         self._closed = False
         self.problem: str | None = None
@@ -98,10 +101,15 @@ class Feed:
 
     def _take(self) -> None:
         """Waits for one event and does what it asks for."""
+        now = time.monotonic()
+        if self._deadline is not None and now > self._deadline:  # however much still comes
+            self._ended = True
+            return
+        if self._deadline is None and self._last is not None and now > self._last:
+            self._begin_to_stop()
         try:
             kind, data = self._events.get(timeout=_PATIENCE)
         except queue.Empty:
-            self._ended = self._deadline is not None and time.monotonic() > self._deadline
             return
         if kind == "data":
             self._room.release()
@@ -111,11 +119,14 @@ class Feed:
         elif kind == "end":
             self._ended = True
         elif self._deadline is None:
-            self._on_stop()
-            self._follow = False
-            self._deadline = time.monotonic() + (_LAST_SECONDS if self._drain else _PATIENCE)
+            self._begin_to_stop()
         else:  # asked for twice
             self._ended = True
+
+    def _begin_to_stop(self) -> None:
+        self._on_stop()
+        self._follow = False
+        self._deadline = time.monotonic() + (_LAST_SECONDS if self._drain else _PATIENCE)
 
     def _read_source(self) -> None:
         """The reading thread. `os.read`: a thread that waits in a buffered file hangs the exit."""

@@ -11,7 +11,6 @@ import io
 import math
 import re
 import struct
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from functools import partial
@@ -20,8 +19,10 @@ from typing import Any, Final, NamedTuple
 
 from ds47 import spec
 from ds47.model import Device, Value
-from ds47.parameters.lists import ListError, sheet_of, text_of
+from ds47.parameters import workbook
+from ds47.parameters.lists import ListError, text_of
 from ds47.profidrive.naming import LARGEST, element, spelled, spelling
+from ds47.spec import toml
 
 _HEADINGS: Final[Mapping[str, tuple[str, ...]]] = {
     "drive": ("drive", "device", "ip", "address", "antrieb", "gerät", "驱动器", "设备"),
@@ -241,8 +242,8 @@ def _single(number: float) -> float:
 
 def _of_toml(path: Path, text: str) -> Iterator[Row]:
     try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
+        document = toml.parse(text)
+    except ValueError as problem:
         raise ListError(f"{path}: no TOML: {problem}. Try: {_EXAMPLE}") from problem
     lines = _Lines(text)
     for place, table, drive, number in _tables(path, lines, document):
@@ -315,8 +316,8 @@ class _Lines:
         header: tuple[str, ...] = ()
         for number, line in enumerate(text.splitlines(), 1):
             try:
-                place = (*_down(tomllib.loads(line)),)
-            except tomllib.TOMLDecodeError:  # a part of a value
+                place = (*_down(toml.parse(line)),)
+            except ValueError:  # a part of a value
                 continue
             if line.lstrip().startswith("["):
                 header = place
@@ -365,8 +366,8 @@ def _cells(path: Path, text: str) -> tuple[_Cells, bool]:
 def _of_sheet(path: Path) -> _Cells:
     """Those of the first sheet of a workbook."""
     try:
-        yield from enumerate(sheet_of(path), 1)
-    except ListError as problem:
+        yield from enumerate(workbook.rows(path, None), 1)
+    except workbook.WorkbookError as problem:
         raise ListError(f"{path}: {problem}") from problem
 
 
@@ -438,7 +439,9 @@ def _number(text: str, comma: bool = False) -> float | None:
     for kind in (partial(int, base=0), float):
         try:
             number = kind(plain)
+            return None if math.isnan(number) else number
         except ValueError:
             continue
-        return None if math.isnan(number) else number
+        except OverflowError:  # more than any format holds
+            return None
     return None

@@ -9,15 +9,16 @@ from __future__ import annotations
 import csv
 import io
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from ds47 import spec
+from ds47.parameters import workbook
 from ds47.parameters.columns import guessed
 from ds47.profidrive.naming import spelled
+from ds47.spec import toml
 
 MOST_ROWS: Final = 200_000
 """The most rows of one list: more than any drive has parameters."""
@@ -105,12 +106,12 @@ def read(
         if ending == ".toml":
             found = _of_toml(path)
         elif ending in (".xlsx", ".xlsm"):
-            found = _of_table(path.stem, sheet_of(path, sheet), columns or {})
+            found = _of_table(path.stem, workbook.rows(path, sheet), columns or {})
         else:
             found = _of_table(path.stem, _lines(path), columns or {})
     except OSError as problem:
         raise ListError(f"{path}: {problem.strerror or problem}") from problem
-    except ListError as problem:
+    except (ListError, workbook.WorkbookError) as problem:
         raise ListError(f"{path}: {problem}") from None
     if not found.rows and not found.messages:
         raise ListError(f"{path}: no row has the number of a parameter or a fault")
@@ -142,25 +143,6 @@ def text_of(data: bytes) -> str:
         except UnicodeDecodeError:
             continue
     return data.decode("latin-1")
-
-
-def sheet_of(path: Path, name: str | None = None) -> Iterator[list[str]]:
-    """The rows of a sheet of a workbook; None takes the first one."""
-    try:
-        from openpyxl import load_workbook
-    except ImportError as problem:
-        raise ListError(f"a workbook needs openpyxl: {spec.extras.install('xlsx')}") from problem
-    try:
-        book = load_workbook(path, read_only=True, data_only=True)
-    except OSError:
-        raise
-    except Exception as problem:  # a broken workbook can raise anything in the library
-        raise ListError("no workbook of Excel 2007 or later") from problem
-    if name is not None and name not in book.sheetnames:
-        raise ListError(f"no sheet {name!r}; there are: {', '.join(book.sheetnames)}")
-    sheet = book[name] if name else book.worksheets[0]
-    for row in sheet.iter_rows(values_only=True):
-        yield ["" if cell is None else str(cell) for cell in row]
 
 
 def _of_table(name: str, table: Iterator[list[str]], columns: Mapping[str, str]) -> ParameterList:
@@ -240,8 +222,8 @@ def values_of(text: str) -> dict[int, str]:
 def _of_toml(path: Path) -> ParameterList:
     """A list in the form of docs/parameters.md."""
     try:
-        document = tomllib.loads(text_of(path.read_bytes()))
-    except tomllib.TOMLDecodeError as problem:
+        document = toml.parse(text_of(path.read_bytes()))
+    except ValueError as problem:
         raise ListError(f"no TOML: {problem}") from problem
     about = document.get("list", {})
     if not isinstance(about, dict):

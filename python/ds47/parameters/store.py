@@ -54,7 +54,7 @@ def file_name(name: str) -> str:
 
 def files() -> list[Path]:
     """Those of all lists that are kept; nearly always none, and what reads them takes its time to import."""
-    return sorted(folder().glob("*.toml"))
+    return sorted(path for path in folder().glob("*.toml") if path.is_file())
 
 
 def kept() -> list[tuple[Path, ParameterList]]:

@@ -220,15 +220,20 @@ def _row(number: int, text: str, columns: _Columns) -> Iterator[LogEntry | Unrea
     if len(cells) <= columns.data:
         yield Unread(number, "column", text[:_MOST_TEXT])
         return
-    said = "" if columns.time is None else cells[columns.time].strip()
+    said = _cell(cells, columns.time).strip()
     time_ns = _clock(said)
     if time_ns is None:
         time_ns = _scaled(said, columns.unit)
     if said and time_ns is None:
         yield Unread(number, "time", text[:_MOST_TEXT])
-    direction = None if columns.direction is None else _side(cells[columns.direction])
+    direction = _side(_cell(cells, columns.direction))
     data = _bytes(cells[columns.data])
     if not data:
         yield Unread(number, "hex", text[:_MOST_TEXT])
     for piece in split(data):
         yield LogEntry(number, time_ns, direction, piece.telegram)
+
+
+def _cell(cells: list[str], at: int | None) -> str:
+    """A cell of a row, which may end before it: then, and where there is no such column, nothing."""
+    return cells[at] if at is not None and at < len(cells) else ""

@@ -8,14 +8,15 @@ commands.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from ds47.batch.tasks import in_folders
+from ds47.capture.drafts import draft_of
 from ds47.capture.names import PACKED, SUFFIXES, is_export
 from ds47.capture.rings import common_name, may_be_part
+from ds47.capture.special import special
 from ds47.model import CaptureResult
 from ds47.regression.shape import flaw
 from ds47.report.escaping import visible
@@ -133,6 +134,8 @@ def load(path: Path) -> Stored:
         NoBaselineError: there is none.
         BaselineError: it is not one.
     """
+    if (kind := special(path)) is not None:
+        raise BaselineError(f"{path} is {kind}, no stored result: remove it")
     try:
         document = parse(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
@@ -183,7 +186,7 @@ def save(
     Raises:
         OSError: it cannot be written.
     """
-    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    draft = draft_of(path)
     try:
         draft.write_text(
             text(stored, capture, version),

@@ -6,7 +6,6 @@ comparison is in `ds47.regression.compare`.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from fnmatch import fnmatch
@@ -15,10 +14,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ds47 import spec
-from ds47.batch.settings import FILE, parse_expect, parse_names, parse_s7
+from ds47.batch.settings import nearest, parse_expect, parse_names, parse_s7
 from ds47.batch.settings import parse as parse_cyclic
 from ds47.model import SEVERITIES
 from ds47.report.heading import parse as parse_heading
+from ds47.spec import toml
 
 _T = TypeVar("_T")
 
@@ -138,10 +138,8 @@ def find(capture: Path) -> Config:
 
 @cache
 def _for_folder(folder: Path) -> Config:
-    for each in (folder, *folder.parents):
-        if (each / FILE).is_file():
-            return load(each / FILE)
-    return Config()
+    path = nearest(folder)
+    return Config() if path is None else load(path)
 
 
 def load(path: Path) -> Config:
@@ -151,8 +149,8 @@ def load(path: Path) -> Config:
         ConfigError: it cannot be read, is no TOML, or holds what it must not.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        table = toml.parse(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError) as problem:
         raise ConfigError(f"{path}: {problem}") from problem
     try:
         return _config(path.resolve().parent, table)

@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ds47.analysis import AnalysisOptions
+from ds47.batch.endings import fence
 from ds47.batch.tasks import Task, in_folders, plan, read
 from ds47.capture import CaptureError
 from ds47.capture.rings import common_name
+from ds47.capture.special import special
 from ds47.model import SEVERITIES, CaptureResult
 from ds47.regression import baseline, config
 from ds47.regression.compare import Change, Comparison, Json
@@ -40,6 +42,7 @@ class CheckOutcome:
         pairs: the matching transactions, stored and present.
         error: why there is nothing to compare.
         unreadable: whether the capture could not be read, or only in part.
+        ours: whether it could not be read because ds47 itself broke.
         problem: why it was read only in part.
         label: the label of the capture.
     """
@@ -53,6 +56,7 @@ class CheckOutcome:
     pairs: list[tuple[int | None, int | None]] = field(default_factory=list)
     error: str | None = None
     unreadable: bool = False
+    ours: bool = False
     problem: str | None = None
     label: str = ""
     fail_on: str = "error"
@@ -153,7 +157,11 @@ class Content:
 
 def content(folder: Path, names: Sequence[str], *, series: bool) -> Content:
     """What to check in a folder with files of these names, without its subfolders."""
-    captures = sorted(str(folder / name) for name in names if in_folders(series)(name))
+    captures = sorted(
+        str(folder / name)
+        for name in names
+        if in_folders(series)(name) and special(folder / name) is None
+    )
     gone = [Lonely(folder / name, error) for name, error in baseline.orphans(names, series=series)]
     return Content(plan(captures, series), gone)
 
@@ -194,24 +202,36 @@ def check(
         fail_on=fail_on or settings.fail_on,
     )
     try:
-        result = result_of(task, options, expected)
+        with fence():
+            _compare(task, options, outcome, settings, lang, expected)
     except CaptureError as problem:
-        outcome.error, outcome.unreadable = str(problem), True
-        return outcome
+        outcome.error, outcome.unreadable, outcome.ours = str(problem), True, problem.ours
+    return outcome
+
+
+def _compare(
+    task: Task,
+    options: AnalysisOptions | None,
+    outcome: CheckOutcome,
+    settings: config.Config,
+    lang: str,
+    expected: tuple[Expectation, ...],
+) -> None:
+    """Analyses, loads and compares."""
+    result = result_of(task, options, expected)
     outcome.now = baseline.content(result)
     outcome.unreadable, outcome.problem = not result.complete, result.lacking
     try:
         outcome.stored, version = _stored(task, outcome.result_path)
     except baseline.BaselineError as problem:
         outcome.error = str(problem)
-        return outcome
-    comparison = Comparison(outcome.stored, outcome.now, settings, capture, lang)
+        return
+    comparison = Comparison(outcome.stored, outcome.now, settings, Path(task.path), lang)
     outcome.origin = Origin(version, same_file=comparison.same_file)
     outcome.changes = outcome.origin.explained(
         list(comparison.changes()), outcome.stored, outcome.now
     )
     outcome.pairs = comparison.pairs
-    return outcome
 
 
 def _stored(task: Task, path: Path) -> baseline.Stored:
@@ -225,7 +245,8 @@ def _stored(task: Task, path: Path) -> baseline.Stored:
     except baseline.NoBaselineError as problem:
         _refuse_a_part(task, baseline.path_of(Path(task.path), common_name(Path(task.path).name)))
         option = "--series " if task.series else ""
-        raise baseline.BaselineError(f"{problem} {option}{shell_word(task.path)}") from problem
+        word = shell_word(task.path)
+        raise baseline.BaselineError(f"{problem} {option}{word}") from problem
     _refuse_a_part(task, path, stored.content)
     return stored
 

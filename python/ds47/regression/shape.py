@@ -48,6 +48,9 @@ _TRANSACTION: Shape = _of(
     contract.TRANSACTION,
     "id", "operation", "state", "device", "slot", "subslot", "index", "axis", "duration_ms",
 ) | {
+    "frames": _of(
+        contract.FRAMES, "write_request", "write_response", "read_request", "read_response"
+    ),
     "status": {"write": _MAYBE_TEXT, "read": _MAYBE_TEXT},
     "parameters": [_PARAMETER],
 }  # fmt: skip

@@ -86,11 +86,23 @@ class CaptureRow:
 
     @classmethod
     def loaded(cls, plain: dict[str, Any]) -> CaptureRow:
-        """A row written by `plain`; words are interned, as there may be ten thousand rows."""
+        """A row written by `plain`; words are interned, as there may be ten thousand rows.
+
+        Raises:
+            ValueError, LookupError, TypeError, AttributeError: it is none.
+        """
         for key in ("operations", "states", "findings", "rules"):
             plain[key] = {sys.intern(word): number for word, number in plain[key].items()}
         plain["diagnoses"] = causes.loaded(plain["diagnoses"])
-        return cls(**plain)
+        row = cls(**plain)
+        if not {*row.findings, *(each.severity for each in row.diagnoses.values())} <= {
+            *SEVERITIES
+        }:
+            raise ValueError("a severity that is none")
+        for time in (row.start, row.end):
+            if time is not None:
+                nanoseconds(time)  # raises where it is none
+        return row
 
     def plain(self) -> dict[str, Any]:
         """As an object of `ds47.overview/1`."""
