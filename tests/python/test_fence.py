@@ -27,7 +27,7 @@ def broken(self):
 reader.Capture.__iter__ = broken
 """
 GOOD = "conversation-error.pcapng"
-LINE = "ours.pcapng: internal error: IndexError: list index out of range; please report it with"
+LINE = "ours.pcapng: internal fault: IndexError: list index out of range; please report it with"
 OURS = 70
 
 

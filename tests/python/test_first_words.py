@@ -63,7 +63,7 @@ def test_every_command_is_in_a_group() -> None:
         ),
         (["report", "--select", "xyz", "a.pcap"], "Try: ds47 rules"),
         (["decode", ""], "the message: no bytes. Try: ds47 decode 01"),
-        (["report", "--expect", __file__, "a.pcap"], "ends in .py. Try: .toml or .csv"),
+        (["report", "--expect", __file__, "a.pcap"], "ends in .py. Try: .toml, .csv or .xlsx"),
         (["watch"], "a SOURCE (- for stdin). Try: ds47 watch -h"),
         (["reprot"], "No such command 'reprot'. Did you mean: ds47 report, ds47 export?"),
         (["explain", "p1120", "xyzzy"], "unknown code 'xyzzy'. Accepted: "),
