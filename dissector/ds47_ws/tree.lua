@@ -127,6 +127,7 @@ local function elsewhere(data, name) return types.range_of(data, name, find_byte
 -- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
 local adding = {
   wanted = wanted, add = add, derive = derive, show = show, take = take, point = point, elsewhere = elsewhere,
+  told = {}, -- texts that stand in the tree of the frame already -> what they were told of
 }
 
 -- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
@@ -691,6 +692,7 @@ function M.add(tree, views, findings, events, context)
   begin(tree, context.answers, view and view.role or "other", context.lang)
   find_bytes = context.find_bytes
   local taken = findings[1] and {} or NONE_TAKEN
+  if findings[1] then adding.told = {} end
   for number = 1, #views do add_view(tree, views[number], findings, taken, context) end
   if #events > 0 then add_events(tree, events, context.find_word, context.lang) end
   local rest
