@@ -1,8 +1,8 @@
 -- Findings and events of drives as expert infos. Apart from tree.lua, because every file with a drive in it
 -- has some, and nobody may look at a tree: what is not loaded is not looked through by the collector.
 --
--- The text is that of the rule, so that Wireshark counts what has one cause together; what was seen in a frame
--- stands in its tree. How serious each is says spec/wireshark.toml.
+-- The text is that of the rule, so that Wireshark counts what has one cause together; what was seen in a
+-- frame stands in its tree. How serious each is says spec/wireshark.toml.
 
 local info = require("ds47_ws.info")
 local tables = require("ds47.spec.tables")

@@ -1,7 +1,7 @@
 -- The part of the tree that is about a finding: what was seen, what it is called (the expert info), cause,
 -- what to do, the request as it should have been, and the other frames that it is about.
 --
--- `put` are the functions of tree.lua that add fields. Message and arguments are there as fields, too, hidden.
+-- `put` are the functions of tree.lua that add fields. Message and arguments are fields, too, hidden.
 
 local json = require("ds47.support.json")
 local later = require("ds47.support.later").module

@@ -104,6 +104,7 @@ local function add_parameter(put, root, view, told, record, lang)
   local label = words.parameter(item, change, lang)
   local shown = put.add(root, "parameter", label, record, 0, pkw.LENGTH) or root
   add_address(put, shown, item, told, record)
+  put.follow(shown, item)
   put.derive(shown, "attribute", ATTRIBUTES[item.attribute])
   put.derive(shown, "name", sentences.name(item, lang))
   put.derive(shown, "unit", item.unit)

@@ -106,6 +106,7 @@ end
 -- alone, Wireshark makes none: before 4.6 only below another item. Then what it gives has no length, and is
 -- not asked for again. The first record tells.
 local function own_last(tree, owner, record)
+  if marked or not wants[owner] then return end
   local root = own_tree(newest or tree, owner, record, "DS47")
   if record and wants[owner] == UNKNOWN then
     local is_made = root.len > 0
@@ -127,6 +128,7 @@ local function elsewhere(data, name) return types.range_of(data, name, find_byte
 -- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
 local adding = {
   wanted = wanted, add = add, derive = derive, show = show, take = take, point = point, elsewhere = elsewhere,
+  own = function(tree, record, label) return marked and own_tree(tree, of_drives, record, label) or tree end,
   told = {}, -- texts that stand in the tree of the frame already -> what they were told of
 }
 
@@ -336,6 +338,15 @@ local function add_rest(_, shown, item, place)
   end
 end
 
+local reached -- the drive object that the view is about, which context.reached names
+
+-- What all accesses to a parameter of a drive object have alike: a filter, at a click.
+local function add_follow(parent, item)
+  if item.pnu and reached then derive(parent, "follow", format("%s PNU %d", reached, item.pnu)) end
+end
+
+adding.follow = add_follow
+
 -- What is shown of a parameter, in its order: `add` is a function of the row, the tree, the parameter, and
 -- its place (see `places`).
 local PARAMETER = wanted_fields.list({
@@ -345,6 +356,7 @@ local PARAMETER = wanted_fields.list({
   { field = "element_count", at = 1, size = 1, add = add_of_address },
   { field = "pnu", at = 2, size = 2, add = add_of_address },
   { field = "subindex", at = 4, size = 2, add = add_of_address },
+  { field = "follow", rare = true, add = function(_, shown, item) add_follow(shown, item) end },
   { field = "name", add = add_of_address, value = function(item) return sentences.name(item, language) end },
   { field = "unit", add = add_of_address },
   { field = "family", add = add_of_address, value = function(item) return words.family(item) end },
@@ -437,14 +449,16 @@ local function frame_of(view, half)
   return found and found.frame
 end
 
-local function add_links(parent, view)
+local function add_links(parent, view, context)
   if view.role ~= "write_request" and wants.request_in then
     derive(parent, "request_in", view.item.frames.write_request)
   end
   if view.role ~= "read_response" and wants.response_in then
     derive(parent, "response_in", frame_of(view, "read_response"))
   end
-  if wants.time and view.item.duration_ns then derive(parent, "time", duration(view.item.duration_ns)) end
+  if wants.time and view.role ~= "write_request" and view.item.frames.write_request then
+    derive(parent, "time", duration(context.now_ns() - view.item.start_ns))
+  end
 end
 
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
@@ -604,7 +618,9 @@ end
 function M.add_words(tree, tvb, found, lang)
   begin(tree, nil, "words", lang)
   for _, place in ipairs(found) do
-    pzd_tree.add(adding, tree, place, tvb:range(place.offset, place.length), lang)
+    local record = tvb:range(place.offset, place.length)
+    pzd_tree.add(adding, tree, place, record, lang)
+    own_last(tree, of_drives, record)
   end
 end
 
@@ -655,12 +671,13 @@ end
 local function add_view(tree, view, findings, taken, context)
   local record = record_of(view, context)
   local root = add_root(tree, view, record)
+  reached = wants.follow and context.reached(view)
   if view.item.channel == "pkw" then
     pkw_tree.add(adding, root, view, record, language)
   else
     add_message(root, view, record)
   end
-  if wants[of.links] then add_links(root, view) end
+  if wants[of.links] then add_links(root, view, context) end
   local certain = view.complete or not wants[of.later_frames] or state_is_certain(view)
   if not certain then add_second_pass(root) end
   add_transaction(root, view, certain, record, context)
@@ -672,7 +689,7 @@ local function add_view(tree, view, findings, taken, context)
     end
   end
   if wants["finding.elsewhere"] then add_elsewhere(root, view, findings, context) end
-  if not marked and wants[protocol] then own_last(tree, protocol, record) end
+  own_last(tree, protocol, record)
 end
 
 local NONE_TAKEN = {} -- of no findings
@@ -686,6 +703,8 @@ local NONE_TAKEN = {} -- of no findings
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
 --   findings_of = a function that gives all findings of the transaction of a view,
 --   drive_object = one that gives the number of the drive object of a transaction of the complete result,
+--   reached = one that names the drive object of a view, or gives nil,
+--   now_ns = one that gives the time of the frame,
 --   answers = what is known of what trees of this reading want (wanted.lua), or nil}
 function M.add(tree, views, findings, events, context)
   local view = not findings[1] and views[1]

@@ -51,7 +51,7 @@ BLIND = "with -2 alone a transaction is shown as far as it has come"
 
 def tree(tshark: Tshark, name: str, *more: str) -> list[str]:
     """The lines of the trees of the plugin, without brackets and what is before them."""
-    output = tshark("-r", CAPTURES[name], *COMPLETE, "-V", "-O", "ds47,ds47_copy", *more)
+    output = tshark("-r", CAPTURES[name], *COMPLETE, "-V", "-O", "ds47", *more)
     return [line.strip().removeprefix("[").removesuffix("]") for line in output.splitlines()]
 
 
@@ -325,15 +325,15 @@ def test_a_copy_names_its_original(
 def test_a_copy_says_so_in_its_columns_and_its_tree(tshark: Tshark) -> None:
     (line,) = tshark("-r", CAPTURES[COPIES], "-Y", "frame.number == 2").splitlines()
     assert re.search(r" DS47 .* duplicate of frame 1$", line)
-    assert "Duplicate of frame: 1" in tree(tshark, COPIES)
-    chinese = tshark("-r", CAPTURES[COPIES], "-Y", "ds47_copy", "-o", "ds47.language:zh")
+    assert "DS47 duplicate of frame 1" in tree(tshark, COPIES)
+    chinese = tshark("-r", CAPTURES[COPIES], "-Y", "ds47.duplicate_of", "-o", "ds47.language:zh")
     assert chinese.splitlines()[0].endswith("帧 1 的副本")
 
 
 def test_a_copy_of_another_record_call_is_none_of_ours(tshark: Tshark, tmp_path: Path) -> None:
     """Connect, and records that are no parameter channel, keep the tree of the built-in."""
     path = mirrored(CAPTURES["tour-machine.pcapng"], tmp_path / "mirrored.pcapng")
-    found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47_copy", *columns("pn_io.index")))
+    found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47.duplicate_of", *columns("pn_io.index")))
     indices = {int(row[0].split(",")[0], 16) for row in found if row[0]}
     assert indices == {47}
 

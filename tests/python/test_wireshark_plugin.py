@@ -668,12 +668,13 @@ def test_what_the_request_wrote_stands_in_brackets(tshark: Tshark, make: Any) ->
     output = tshark("-r", make(changes), *COMPLETE, "-Y", "ds47.error.code", "-V", "-O", "ds47")
     lines = [line.strip() for line in output.splitlines()]
     start = lines.index("Number of parameters: 2") + 1
-    assert lines[start:][:25] == [
+    assert lines[start:][:27] == [
         "[Parameter: p4711[0] := 10.0]",
         "[Attribute: value (0x10)]",
         "[Number of elements: 1]",
         "[Parameter number (PNU): 4711]",
         "[Subindex: 0]",
+        "[Follow: 192.168.133.33 DO 2 PNU 4711]",
         "Format: Zero (0x40)",
         "Number of values: 0",
         "[Format written: Float32 (0x08)]",
@@ -685,6 +686,7 @@ def test_what_the_request_wrote_stands_in_brackets(tshark: Tshark, make: Any) ->
         "[Number of elements: 1]",
         "[Parameter number (PNU): 4712]",
         "[Subindex: 0]",
+        "[Follow: 192.168.133.33 DO 2 PNU 4712]",
         "Format: Error (0x44)",
         "Number of values: 2",
         "[Format written: Float32 (0x08)]",
