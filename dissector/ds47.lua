@@ -149,7 +149,7 @@ end
 -- For the tree of the newest frame, which does not keep it.
 local context = {
   find_record = record_of, find_word = word_of, find_bytes = search,
-  request_of = track.request_of, findings_of = track.findings_of, base_seconds = track.base_seconds,
+  request_of = track.request_of, findings_of = track.findings_of,
   drive_object = track.drive_object, reached = track.reached,
   now_ns = function() return track.time_ns(clock.now) end,
 }

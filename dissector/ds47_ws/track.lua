@@ -15,7 +15,6 @@ local entries = require("ds47.support.later").entries
 local link = require("ds47.profinet.link")
 local parameter = require("ds47.profidrive.parameter")
 local pkw = require("ds47.cyclic.transactions")
-local plc = require("ds47.report.plc")
 local profibus = require("ds47.report.profibus")
 local drives_of = require("ds47.cyclic.relations").drives
 local rpc = require("ds47.profinet.rpc")
@@ -415,7 +414,7 @@ local function by_frames(result)
     push(of_transactions, finding.transaction, finding)
   end
   return {
-    places = places, findings = findings, of_transactions = of_transactions, result = result, witness = nil,
+    places = places, findings = findings, of_transactions = of_transactions, result = result,
     drives = drives.complete(result, current.cyclic),
   }
 end
@@ -443,12 +442,6 @@ function PARTS.parameters(view)
   local peer = { vendor_id = item.vendor_id, device_id = item.device_id, family = item.family }
   local job = { message = view.message, peer = peer, meanings = item.meanings }
   return transactions.parameters(job)
-end
-
--- What the PLC saw: told of all transactions at once.
-function PARTS.witness()
-  complete.witness = complete.witness or plc.witness(complete.result)
-  return complete.witness
 end
 
 local COMPLETE = { complete = true }
@@ -559,9 +552,6 @@ end
 --- The time of the frame that is dissected, as transactions have theirs.
 -- @param clock as `feed` takes it
 function M.time_ns(clock) return clock(current) end
-
---- The second since 1970 that the times of transactions are relative to.
-function M.base_seconds() return current and current.base_seconds or 0 end
 
 --- The complete result of the open file, as ds47.analysis gives it, with the stations that named themselves.
 function M.result()

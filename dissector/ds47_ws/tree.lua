@@ -16,7 +16,6 @@ local finding_tree = later("ds47_ws.finding_tree")
 local pkw_tree = later("ds47_ws.pkw_tree")
 local own_experts = require("ds47_ws.experts")
 local passes = require("ds47_ws.passes")
-local plc = require("ds47.report.plc")
 local pzd_tree = later("ds47_ws.pzd_tree")
 local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
@@ -28,7 +27,7 @@ local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
 local wanted_fields = require("ds47_ws.wanted")
 
-local find, format, sub = string.find, string.format, string.sub
+local find, format = string.find, string.format
 local floor, huge = math.floor, math.huge
 local VISIBLE, UNKNOWN = wanted_fields.VISIBLE, wanted_fields.UNKNOWN
 
@@ -92,7 +91,7 @@ end
 
 -- Adds a field whose value is taken from its bytes, which have to be in the frame.
 local function take(parent, key, record, offset, size)
-  local range = wants[key] and part(record, offset, size)
+  local range = record and wants[key] and part(record, offset, size)
   return range and add_item(parent, fields[key], range) or nil
 end
 
@@ -144,58 +143,25 @@ local of = tables.fields.together
 
 -- Values with the type of their format
 
-local SIGNED = { b = true, h = true, i = true, q = true }
-
--- Kind of a format -> what adds the typed value: (parent, row, value, bytes, record, offset), where the
--- bytes stand in the record.
-local typed = {}
-
-function typed.number(parent, row, value, bytes, record, offset)
-  local signed = SIGNED[row.pack]
-  local key = signed and "value.signed" or "value.unsigned"
-  if not wants[key] then return end
-  local class = signed and Int64 or UInt64
-  local number = #bytes == 8 and class.decode(bytes, false) or class.new(value)
-  add(parent, key, number, record, offset, #bytes)
-end
-
-function typed.float(parent, row, value, bytes, record, offset)
-  local key = row.pack == "f" and "value.float" or "value.double"
-  add(parent, key, types.number(value), record, offset, #bytes)
-end
-
-function typed.text(parent, _, value, bytes, record, offset)
-  add(parent, "value.string", words.escape(value), record, offset, #bytes)
-end
-
-function typed.octets(parent, _, _, bytes, record, offset)
-  take(parent, "value.bytes", record, offset, #bytes)
-end
-
-typed.with_status = typed.octets
-
+local BYTES = { text = true, octets = true, with_status = true } -- kinds whose bytes say more than a number
 local TIMES = { date = true, time_of_day = true }
 local NUMBERS = { number = true, float = true } -- all but times, texts and octets
 
--- The physical value, which is text for dates and times of day and a number for all others.
+-- The physical value, which is text alone for dates and times of day.
 local function physical(parent, kind, item, number)
   local scaled = item.scaled and item.scaled[number]
   if scaled == nil then return end
   local shown = parent
   if wants.scaled then shown = derive(parent, "scaled", words.value(scaled, item.format, true)) end
-  if TIMES[kind] then
-    derive(parent, "value.time", tostring(scaled))
-  else
-    derive(shown, "scaled.number", types.number(scaled))
-  end
+  if not TIMES[kind] then derive(shown, "scaled.number", types.number(scaled)) end
 end
 
--- Text that is not shown as it is has its bytes as well, so that nothing of it is lost; `range` is where they
--- stand.
-local function text_bytes(parent, item, value, range)
-  if type(value) ~= "string" or not words.is_text(item.format) then return end
+-- The bytes of a value at their place. Text that another frame has, and that is not shown as it is, has its
+-- bytes as well, so that nothing of it is lost.
+local function add_bytes_of_value(parent, kind, value, record, offset, size)
+  if take(parent, "value.bytes", record, offset, size) or kind ~= "text" then return end
   if find(value, "[^ -~]") or find(value, '[\\"]') then
-    point(parent, "value.hex", range or elsewhere(reader.from_latin1(value), "Text"))
+    point(parent, "value.bytes", elsewhere(reader.from_latin1(value), "Text"))
   end
 end
 
@@ -212,14 +178,14 @@ local function add_value(parent, item, number, row, block, record)
     local text = item.shown or words.value(value, item.format)
     shown = show(parent, "value", text, block, record, offset, size)
   end
-  if block and typed[kind] and wants[of.typed] then
-    typed[kind](shown, row, value, sub(block.raw, (number - 1) * size + 1, number * size), record, offset)
+  if block and kind == "float" and row.pack == "f" and wants["value.float"] then
+    add(shown, "value.float", types.number(value), record, offset, size)
   end
   if NUMBERS[kind] and wants["value.number"] then
     show(shown, "value.number", types.number(value), block and record, record, offset, size)
   end
-  if wants["value.hex"] then
-    text_bytes(shown, item, value, block and record and part(record, offset, size))
+  if BYTES[kind] and wants["value.bytes"] then
+    add_bytes_of_value(shown, kind, value, block and record, offset, size)
   end
   if item.scaled then physical(shown, kind, item, number) end
 end
@@ -482,35 +448,17 @@ local function is_main(view)
     or (view.role == "write_request" and not frame_of(view, "read_response"))
 end
 
--- A message as the report has it: the words of PKW may change from frame to frame while a request stands.
-local function add_bytes_of(parent, key, data, record, name)
-  local here = record and record:bytes():raw() == data
-  point(parent, key, here and record or elsewhere(data, name))
-end
-
 -- What adds something of a transaction is a function of the tree, the transaction, the view, whether its
 -- state is certain, the record, and the context.
 
--- The messages: one is the record of this frame, the other one stands in another frame.
+-- The message of this frame as the report has it: the words of PKW may change from frame to frame while a
+-- request stands.
 local function add_bytes(parent, item, view, _, record)
-  local main, asked = is_main(view), view.role == "write_request"
-  if (main or asked) and item.request and wants["bytes.request"] then
-    local name = types.source_name("Request", item.frames.write_request)
-    add_bytes_of(parent, "bytes.request", item.request, asked and record, name)
-  end
-  if (main or view.role == "reread") and item.response and wants["bytes.response"] then
-    local name = types.source_name("Response", item.frames.read_response)
-    add_bytes_of(parent, "bytes.response", item.response, not asked and record, name)
-  end
-end
-
--- What WRREC and RDREC showed, once it is known how the transaction ended.
-local function add_plc(parent, item, view)
-  local over = view.complete or frame_of(view, "read_response")
-  if item.channel == "ds47" and over and is_main(view) and wants.plc then
-    local witness = view.witness or plc.witness_of(item, view.job)
-    derive(parent, "plc", witness:text(item, language))
-  end
+  local name = view.role == "write_request" and "request" or HEADERS[view.role] and "response"
+  local data, key = name and item[name], name and "bytes." .. name
+  if not data or not wants[key] then return end
+  local here = record and record:bytes():raw() == data
+  point(parent, key, here and record or elsewhere(data, "Message"))
 end
 
 local function add_frames_of_reads(parent, item, view)
@@ -524,10 +472,6 @@ local function add_frames_of_reads(parent, item, view)
 end
 
 local function add_peers(parent, item) types.add_peers(adding, parent, item) end
-
-local function add_uuid(parent, item)
-  if item.ar and wants.ar then mark_generated(types.add_uuid(parent, fields.ar, item.ar, find_bytes)) end
-end
 
 local function add_drive_object(parent, item, view, _, _, context)
   if view.complete and wants.drive_object then derive(parent, "drive_object", context.drive_object(item)) end
@@ -553,7 +497,6 @@ local VALUES = {
   state = function(item, _, certain) return certain and codes.states[item.state] or nil end,
   request_reference = of_message("request_reference"), axis = of_message("axis"),
   polls = function(item) return item.channel == "ds47" and #item.frames.polls or nil end, -- its Reads
-  start = function(item, _, _, context) return csv.timestamp(context.base_seconds(), item.start_ns) end,
   duration_ms = function(item)
     local nanoseconds = item.duration_ns
     return nanoseconds and nanoseconds / 1000000
@@ -574,12 +517,11 @@ local INSTEAD = {
   transaction = {}, -- below which all others stand
   controller = { { field = of.peers, rare = true, add = add_peers } },
   device = {}, station = {}, -- of which of.peers has both
-  ar = { { field = "ar", add = add_uuid }, row_of({ "vendor_assumed" }) },
+  ar = { row_of({ "ar" }), row_of({ "vendor_assumed" }) },
   drive_object = { { field = "drive_object", rare = true, add = add_drive_object } },
   ["status.write"] = { row_of_status("status.write", "write_status") },
   ["status.read"] = {
     row_of_status("status.read", "read_status"), { field = of.bytes, rare = true, add = add_bytes },
-    { field = "plc", rare = true, add = add_plc },
   },
   polls = { row_of({ "polls" }), { field = of.reads, rare = true, add = add_frames_of_reads } },
 }
@@ -699,7 +641,6 @@ local NONE_TAKEN = {} -- of no findings
 -- @param context {lang = "en" or "zh",
 --   find_record = a function of a record and of the view that has it, which gives its TvbRange in this frame,
 --   or nil; find_word = the same of an event; find_bytes = a function of bytes that does the same,
---   base_seconds = a function that gives the second since 1970 that the times are relative to,
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
 --   findings_of = a function that gives all findings of the transaction of a view,
 --   drive_object = one that gives the number of the drive object of a transaction of the complete result,
