@@ -715,7 +715,6 @@ def generate() -> str:
             },
         ),
         later("statistics", _statistics()),
-        later("about", [f"M.about = {literal(_plugin()['about'])}"]),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

@@ -3124,8 +3124,4 @@ M.statistics.columns = {
 }
 ]=]
 
-later.about = [=[
-M.about = "Decodes the parameter channel of PROFIdrive over PROFINET (record\nindex 47 = DS47, 0xB02E, 0xB02F), names every value, measures every\ntransaction, and says what was wrong with the conversation.\n\nProfile     Tools > DS47 > Add profile DS47: columns, colours and\n            filter buttons. Choose it at the right end of the\n            status bar.\nFilters     ds47                 frames of the parameter channel\n            ds47.finding         what is wrong: cause and advice\n                                 stand in the tree of the frame\n            ds47.error.code      what a drive did not accept\n            ds47.state != \"ok\"   transactions that went wrong\n            ds47.pnu == 50303    one parameter, asked and answered\n            ds47.pzd.event       what happened to drives\nLinks       A double click on a blue line goes to that frame.\nMenu        A right click on a packet of the list > DS47: only this\n            transaction, its request to paste, its status in words\n            (Wireshark 4.4 and later)\nExpert      Analyze > Expert Information counts the findings.\nReport      Tools > DS47 > Save report writes the findings as text\n            and the parameters as a table, to send to somebody.\n\nMIT licence\n"
-]=]
-
 return M
