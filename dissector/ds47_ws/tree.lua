@@ -355,7 +355,7 @@ local function add_label(parent, view, item, place)
   local from, size = asked and place.address or block, asked and 6 or block and 2 + #block.raw
   local label = words.parameter(item, view.item.operation == "change", language)
   local shown = add(parent, "parameter", label, from and place.record, from and from.offset, size)
-  if not asked and not place.values then mark_generated(shown) end
+  if not (asked or place.values or block and block.error) then mark_generated(shown) end
   return shown
 end
 

@@ -675,7 +675,7 @@ def test_what_the_request_wrote_stands_in_brackets(tshark: Tshark, make: Any) ->
         "[Number of values written: 1]",
         "[Value: 10.0]",
         "[Number: 10]",
-        "[Parameter: p4712[0] := 20.0 error 0x0811: Manufacturer-specific error 0x0811 (info 3)]",
+        "Parameter: p4712[0] := 20.0 error 0x0811: Manufacturer-specific error 0x0811 (info 3)",
         "[Attribute: value (0x10)]",
         "[Number of elements: 1]",
         "[Parameter number (PNU): 4712]",

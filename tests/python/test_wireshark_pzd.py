@@ -124,7 +124,7 @@ def test_events_have_words_of_both_languages(tshark: Tshark) -> None:
 @pytest.mark.slow
 def test_events_are_expert_infos_and_faults_are_warnings(tshark: Tshark, tmp_path: Path) -> None:
     path = scene("fault", tmp_path)
-    for name, severity in (("fault", "Warning"), ("running", "Note")):
+    for name, severity in (("fault", "Warning"), ("running", "Chat")):
         text = tshark("-r", path, *COMPLETE, "-Y", f'ds47.pzd.event.name == "{name}"', "-V")
         assert f"[Severity level: {severity}]" in text.split("DS47 PZD")[1]
     faults = tshark("-r", path, *COMPLETE, "-Y", "ds47.expert.pzd.fault").splitlines()
