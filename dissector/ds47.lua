@@ -184,22 +184,31 @@ end
 
 -- Wireshark does not tell whether somebody switched a protocol off; it calls no dissector of one that is. So
 -- it is asked to, once in a file and with no bytes, which nobody else would take.
-local asking = DissectorTable.new("ds47_pzd", "DS47 PZD", ftypes.UINT8, base.DEC, ds47_words)
-local has_words -- whether the protocol of drives is on; nil until somebody knows
+local WORDS, OURS = 0, 1
+local asking = DissectorTable.new("ds47", "DS47", ftypes.UINT8, base.DEC, ds47)
+local has_words, has_ours -- whether the protocols are on; nil until somebody knows
 
-function ds47_words.dissector()
-  has_words = true
-  return 1
-end
+function ds47_words.dissector() has_words = true end
 
-asking:add(0, ds47_words)
+local function ask_for(number, tvb, pinfo, tree) asking:try(number, tvb:range(0, 0):tvb(), pinfo, tree) end
 
 local function are_words_on(tvb, pinfo, tree)
   if has_words == nil then
     has_words = false
-    asking:try(0, tvb:range(0, 0):tvb(), pinfo, tree)
+    ask_for(WORDS, tvb, pinfo, tree)
   end
   return has_words
+end
+
+-- The same of the parameter channel, for PROFIBUS: elsewhere all begins with its dissector, which a frame of
+-- PROFIBUS tells nothing but that it was called.
+local function is_channel_on(tvb, pinfo, tree)
+  if has_ours == nil then
+    on_bus = true
+    ask_for(OURS, tvb, pinfo, tree)
+    has_ours, on_bus = not on_bus, false
+  end
+  return has_ours
 end
 
 -- The words in a frame, whether something happened in it or not: control and status words of drives, which
@@ -292,8 +301,9 @@ function ds47_bus.dissector(tvb, pinfo, tree)
     encapsulations.pass_on(tvb, pinfo, tree)
     return tvb:len()
   end
-  on_bus = true
   show_bus(item, tvb, columns, tree)
+  if not is_channel_on(tvb, pinfo, tree) then return tvb:len() end
+  on_bus = true
   local at, place = bus_info.data_start(item), track.bus_place(item)
   if views and events[1] and not are_words_on(tvb, pinfo, tree) then events = NONE end
   if views then show(views, findings, events, tvb, columns, tree, at, whole, reading) end
@@ -347,8 +357,11 @@ function ds47.dissector(tvb, pinfo, tree)
   end
 end
 
+asking:add(WORDS, ds47_words)
+asking:add(OURS, ds47)
+
 local function begin_anew()
-  on_bus, has_words = false, nil
+  on_bus, has_words, has_ours = false, nil, nil
   encapsulations.register(ds47_bus, ds47.prefs.profibus_user0)
   clock.reset()
   passes.reset()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_wireshark_plugin import CAPTURES, COMPLETE, Tshark, columns, rows, tshark
+from test_wireshark_plugin import CAPTURES, COMPLETE, ROOT, Tshark, columns, rows, tshark
 
 from ds47.analysis import analyze
 
@@ -34,10 +34,28 @@ def test_the_protocol_of_drives_is_found_and_can_be_switched_off(tshark: Tshark)
     assert " PZD " not in tshark("-r", CAPTURES[DRIVE], *off)
 
 
-def test_a_protocol_that_is_listed_can_be_switched_off(tshark: Tshark) -> None:
+def test_the_parameter_channel_can_be_switched_off(tshark: Tshark) -> None:
     off = ("--disable-protocol", "ds47")
     assert frames(tshark, POLLED, "ds47")
     assert frames(tshark, POLLED, "ds47 || ds47.pnu", *off) == []
+
+
+@pytest.mark.slow
+def test_on_profibus_each_protocol_can_be_switched_off(tshark: Tshark) -> None:
+    path = ROOT / "captures/profibus-ppo3-and-records.pcapng"
+
+    def count(filters: str, off: str) -> int:
+        told = ("-2", "-Y", filters, "-o", "ds47.profibus_user0:TRUE", "--disable-protocol", off)
+        return len(tshark("-r", path, *told).splitlines())
+
+    found = {
+        off: [count(each, off) > 0 for each in ("ds47_profibus", "ds47 || ds47.pnu", "ds47_pzd")]
+        for off in ("modbus", "ds47", "ds47_pzd", "ds47_profibus")
+    }
+    assert found == {
+        "modbus": [True, True, True], "ds47": [True, False, False],
+        "ds47_pzd": [True, True, False], "ds47_profibus": [False, False, False],
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("passes", [(), COMPLETE], ids=["one pass", "two passes"])
