@@ -164,7 +164,7 @@ def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element
     for kind, known in transaction["bytes"].items():
         transaction["bytes"][kind] = known or _digits(seen.get(f"bytes.{kind}"))
     if frame == (frames["read_response"] or first):
-        _merge_all(transaction, tree, item, seen)
+        _merge_all(transaction, tree, item)
 
 
 def _read(found: dict[str, Any], shape: contract.Shape, prefix: str, seen: dict[str, str]) -> None:
@@ -197,9 +197,7 @@ def _peer(seen: dict[str, str], key: str, on_bus: str) -> str | None:
     return seen.get(key, seen.get(f"{key}.mac"))
 
 
-def _merge_all(
-    transaction: dict[str, Any], tree: Element, item: Element, seen: dict[str, str]
-) -> None:
+def _merge_all(transaction: dict[str, Any], tree: Element, item: Element) -> None:
     transaction["frames"]["polls"] = list(_reads(item, "poll"))
     transaction["frames"]["rereads"] = list(_reads(item, "reread"))
     frames = transaction["frames"]
