@@ -65,8 +65,9 @@ def read(source: str | Path | BinaryIO) -> Fields:
             if _name(item) == "transaction":
                 number = int(_show(item))
                 transaction = transactions.setdefault(number, _nothing(number))
-                transaction["start"] = transaction["start"] or time
                 _merge(transaction, frame, tree, item)
+                if not transaction["start"] or frame == transaction["frames"]["write_request"]:
+                    transaction["start"] = time  # of PKW a response may stand before its request
     findings.sort(key=_order)
     ordered = [transactions[number] for number in sorted(transactions)]
     for transaction in ordered:
@@ -162,7 +163,8 @@ def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element
         message = {key: _number(head.get(key)) for key in _OF_MESSAGE}
     transaction |= message
     for kind, known in transaction["bytes"].items():
-        transaction["bytes"][kind] = known or _digits(seen.get(f"bytes.{kind}"))
+        if known is None:
+            transaction["bytes"][kind] = _digits(seen.get(f"bytes.{kind}"))
     if frame == (frames["read_response"] or first):
         _merge_all(transaction, tree, item)
 
