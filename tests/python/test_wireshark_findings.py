@@ -115,21 +115,6 @@ def test_only_what_is_malformed_is_an_error_in_wireshark() -> None:
     assert {each.expert for each in rules().values() if not each.analyzer_only} < set(ranks)
 
 
-def test_of_the_drive_of_another_maker_it_is_a_note(tshark: Tshark, tmp_path: Path) -> None:
-    """The bits of control and status word may mean something else there."""
-    of_siemens = CAPTURES["cyclic-does-not-start.pcapng"]
-    data, path = of_siemens.read_bytes(), tmp_path / "another.pcapng"
-    uuid, another = b"\x82\x71\x00\x01\x05\x01", b"\x7a\xbc"
-    assert uuid + b"\x00\x2a" in data
-    path.write_bytes(data.replace(uuid + b"\x00\x2a", uuid + another))
-    title = f"DS523 {rules()['DS523'].title}\n"
-    for capture, severity in ((of_siemens, "Warns"), (path, "Notes")):
-        shown = tshark("-r", capture, *COMPLETE, "-q", "-z", "expert")
-        before, found, _ = shown.partition(title)
-        assert found
-        assert re.findall(r"^(\w+) \(\d+\)$", before, re.MULTILINE)[-1] == severity
-
-
 def test_expert_infos_of_one_rule_are_counted_together(tshark: Tshark) -> None:
     name = "diagnosis-half-captured.pcapng"
     told = Counter(each.rule for each in analyze(CAPTURES[name]).findings)
