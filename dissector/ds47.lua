@@ -67,7 +67,6 @@ lists.configure(folder)
 require("ds47_ws.profile").configure(folder)
 local ds47_words = Proto("ds47_pzd", "DS47 PZD (control and status word of a drive)")
 local ds47_bus = Proto("ds47_profibus", "PROFIBUS DP")
-local ds47_copy = Proto("ds47_copy", "DS47 copy (a frame that was captured twice)")
 local fields, experts = ds47_fields.define(ds47, ds47_words, ds47_bus)
 local tree_of = later("ds47_ws.tree", function(module)
   module.configure(ds47, ds47_words, fields, experts)
@@ -151,8 +150,9 @@ end
 -- For the tree of the newest frame, which does not keep it.
 local context = {
   find_record = record_of, find_word = word_of, find_bytes = search,
-  request_of = track.request_of, findings_of = track.findings_of, base_seconds = track.base_seconds,
-  drive_object = track.drive_object,
+  request_of = track.request_of, findings_of = track.findings_of,
+  drive_object = track.drive_object, reached = track.reached,
+  now_ns = function() return track.time_ns(clock.now) end,
 }
 
 -- Adds to the tree and sets the columns, where there are some. The data of the frame begins at `at`. `whole`:
@@ -184,6 +184,35 @@ local function is_wanted(tree, dissector, reading)
   return found
 end
 
+-- Wireshark does not tell whether somebody switched a protocol off; it calls no dissector of one that is. So
+-- it is asked to, once in a file and with no bytes, which nobody else would take.
+local WORDS, OURS = 0, 1
+local asking = DissectorTable.new("ds47", "DS47", ftypes.UINT8, base.DEC, ds47)
+local has_words, has_ours -- whether the protocols are on; nil until somebody knows
+
+function ds47_words.dissector() has_words = true end
+
+local function ask_for(number, tvb, pinfo, tree) asking:try(number, tvb:range(0, 0):tvb(), pinfo, tree) end
+
+local function are_words_on(tvb, pinfo, tree)
+  if has_words == nil then
+    has_words = false
+    ask_for(WORDS, tvb, pinfo, tree)
+  end
+  return has_words
+end
+
+-- The same of the parameter channel, for PROFIBUS: elsewhere all begins with its dissector, which a frame of
+-- PROFIBUS tells nothing but that it was called.
+local function is_channel_on(tvb, pinfo, tree)
+  if has_ours == nil then
+    on_bus = true
+    ask_for(OURS, tvb, pinfo, tree)
+    has_ours, on_bus = not on_bus, false
+  end
+  return has_ours
+end
+
 -- The words in a frame, whether something happened in it or not: control and status words of drives, which
 -- stand in each of their frames; and where somebody looks at it those of PKW in which nothing changed.
 local function show_words(tvb, number, tree, frame, place, is_new, views)
@@ -202,6 +231,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   local is_new = track.is_new(number, pinfo)
   if not is_new then
     passes.again = true
+    clock.set(pinfo)
     views, findings, events = track.complete_views(number)
   else
     frame = tvb:raw()
@@ -212,8 +242,9 @@ local function dissect_cyclic(tvb, pinfo, tree)
     end
   end
   local reading = wanted_fields.reading(tree, number, is_new)
-  local looked_at = is_wanted(tree, words_dissector, reading)
+  local looked_at = is_wanted(tree, words_dissector, reading) and are_words_on(tvb, pinfo, tree)
   if not views and not looked_at then return end
+  if events and events[1] and not are_words_on(tvb, pinfo, tree) then events = NONE end
   frame = frame or tvb:raw()
   local place = track.cyclic_place(frame)
   if views then
@@ -229,6 +260,7 @@ local function look_at_bus(tvb, pinfo, is_new, wanted)
   local number = pinfo.number
   if not is_new then
     passes.again = true
+    clock.set(pinfo)
     return track.bus_frame(number, tvb:raw()), track.complete_views(number)
   elseif not clock.is_ready() then
     return nil
@@ -251,15 +283,14 @@ local function show_bus(item, tvb, columns, tree, reading)
 end
 
 -- A mirror port's copy of a frame of the parameter channel: that it is one, and a link to the frame that was
--- captured first, which has the message. A copy is no frame of `ds47`: so a filter finds each message once.
+-- captured first, which has the message. A copy has no tree of `ds47`: so a filter finds each message once.
 local function show_copy(number, pinfo, tree, reading, whole)
   local original = track.original(number, whole)
   if not original then return end
   local columns = columns_of(pinfo, reading)
   local text = words.say(track.lang, "duplicate", { frame = words.integer(original) })
   if columns then columns.protocol, columns.info = "DS47", text end
-  local root = tree:add(ds47_copy, "DS47 " .. text)
-  root:add(fields.duplicate_of, original):set_generated()
+  tree:add(fields.duplicate_of, original):set_generated():set_text("DS47 " .. text)
 end
 
 -- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
@@ -273,11 +304,13 @@ function ds47_bus.dissector(tvb, pinfo, tree)
     encapsulations.pass_on(tvb, pinfo, tree)
     return tvb:len()
   end
-  on_bus = true
   show_bus(item, tvb, columns, tree, reading)
+  if not is_channel_on(tvb, pinfo, tree) then return tvb:len() end
+  on_bus = true
   local at, place = bus_info.data_start(item), track.bus_place(item)
+  if views and events[1] and not are_words_on(tvb, pinfo, tree) then events = NONE end
   if views then show(views, findings, events, tvb, columns, tree, at, whole, reading) end
-  if place and is_wanted(tree, words_dissector, reading) then
+  if place and is_wanted(tree, words_dissector, reading) and are_words_on(tvb, pinfo, tree) then
     local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
     show_words(tvb, number, tree, data, place, is_new, views)
   end
@@ -287,6 +320,7 @@ end
 -- A frame with IP that was fed before: a second pass, or somebody looks at it.
 local function dissect_again(tvb, pinfo, tree, number, offset)
   passes.again = true
+  clock.set(pinfo)
   local reading = wanted_fields.reading(tree, number, false)
   local views, findings = track.complete_views(number)
   if views then
@@ -327,11 +361,11 @@ function ds47.dissector(tvb, pinfo, tree)
   end
 end
 
--- Nothing is given to it: a protocol has to have one before anybody can ask for its fields.
-function ds47_words.dissector() end
+asking:add(WORDS, ds47_words)
+asking:add(OURS, ds47)
 
 local function begin_anew()
-  on_bus = false
+  on_bus, has_words, has_ours = false, nil, nil
   encapsulations.register(ds47_bus, ds47.prefs.profibus_user0)
   clock.reset()
   passes.reset()

@@ -356,18 +356,16 @@ def _fields() -> Iterator[str]:
 
 def _experts() -> Iterator[str]:
     """Expert infos: key, name of the filter, text, group, severity."""
-    shown: list[Sequence[str]] = []
-    for number, row in sorted(_plugin_rules().items()):
-        told = (f"{row.id} {row.title}", row.expert)
-        shown.append((row.id, *told, row.severity))
-        if number.startswith("DS5") and row.severity != "note":  # of the drive of another maker
-            shown.append((f"{row.id} note", *told, "note"))
+    shown: list[Sequence[str]] = [
+        (row.id, f"{row.id} {row.title}", row.expert, row.severity)
+        for _, row in sorted(_plugin_rules().items())
+    ]
     shown += _plugin()["drive_experts"]
-    groups, severities = _plugin()["groups"], _plugin()["severities"]
-    yield "M.experts = {}"
+    ranks = _plugin()["experts"]
+    yield f"M.experts = {{ranks = {literal(ranks)}}}"
     for name, rows in (("plugin", shown), ("bus", _plugin()["bus_experts"])):
         yield from block(f"M.experts.{name}", [
-            (key, key.lower().replace(" ", "."), text, groups[group], severities[severity])
+            (key, key.lower(), text, ranks[group]["group"], ranks[group][severity])
             for key, text, group, severity in rows
         ])  # fmt: skip
 
@@ -717,7 +715,6 @@ def generate() -> str:
             },
         ),
         later("statistics", _statistics()),
-        later("about", [f"M.about = {literal(_plugin()['about'])}"]),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

@@ -1,8 +1,7 @@
--- The part of the tree that is about a finding: what it is called, what was seen (the expert info), cause,
+-- The part of the tree that is about a finding: what was seen, what it is called (the expert info), cause,
 -- what to do, the request as it should have been, and the other frames that it is about.
 --
--- `put` are the functions of tree.lua that add fields. The sentence stands in the expert info alone, and
--- Wireshark's dialog shows that; as fields message and arguments are there, hidden.
+-- `put` are the functions of tree.lua that add fields. Message and arguments are fields, too, hidden.
 
 local json = require("ds47.support.json")
 local later = require("ds47.support.later").module
@@ -14,7 +13,8 @@ local words = require("ds47.report.formatting")
 
 local M = {}
 
-local WIDTH, HANGING = 76, 4 -- columns of a line, and blanks before a further one
+-- Columns of a line, and of the first one; blanks before a further one. Wireshark shows 240 bytes of each.
+local WIDTH, WIDEST, HANGING = 76, 150, 4
 
 local function in_language(row, key, lang) return lang == "zh" and row[key .. "_zh"] or row[key] end
 
@@ -26,28 +26,49 @@ local function label(finding, row, lang)
   })
 end
 
--- The same with the parameter that it is about, `... for a parameter: p1437[0]`: a response may have several.
-local function label_of_one(finding, row, lang)
-  local text, args = label(finding, row, lang), finding.args
-  if type(args.pnu) ~= "number" then return text end
-  local subindex = type(args.subindex) == "number" and args.subindex or nil
-  local address = words.address({ pnu = args.pnu, subindex = subindex, family = args.family })
-  return words.joined(lang, { text, address }, ": ", "：")
-end
-
--- What the rule says of its findings, its "cause" or "advice". It may be longer than Wireshark shows in
--- one line (240 bytes): the rest stands in lines below it.
--- @param word the word of the report that the line has
-local function add_of_rule(put, parent, key, text, word, lang)
-  local item = put.derive(parent, "finding." .. key, text)
-  if not item then return end
-  local shown = words.say(lang, word, { text = text })
-  for number, line in ipairs(words.wrap(shown, WIDTH, HANGING)) do
+-- A text in as many lines as it takes: that of an item, and lines below another one.
+local function set_lines(item, parent, text, width)
+  for number, line in ipairs(words.wrap(text, width, HANGING)) do
     if number == 1 then
       item:set_text(line)
     else
       parent:add(line):set_generated()
     end
+  end
+end
+
+-- `DS410 error: Parameter p1437[0] is refused: ...`: what was seen.
+local function add_title(put, parent, finding, sentence, lang)
+  local shown = put.derive(parent, "finding", finding.rule)
+  if not shown then return parent end
+  local severity = words.say(lang, "severity_" .. finding.severity)
+  local about = { rule = finding.rule, severity = severity, title = words.escape(sentence) }
+  set_lines(shown, shown, words.say(lang, "finding_title", about), WIDEST)
+  return shown
+end
+
+-- What a finding is called where another one of its frame refers to it: by its parameter, else by its rule.
+local function name_of(finding)
+  local args = finding.args
+  if type(args.pnu) ~= "number" then return finding.rule end
+  local subindex = type(args.subindex) == "number" and args.subindex or nil
+  return finding.rule .. " " .. words.address({ pnu = args.pnu, subindex = subindex, family = args.family })
+end
+
+-- What the rule says of its findings, its "cause" or "advice": once in a frame, which may have the same for
+-- dozens of parameters.
+-- @param word the word of the report that the line has
+local function add_of_rule(put, parent, finding, key, text, word, lang)
+  local told = put.told[text]
+  if told then
+    local as_told = words.say(lang, "finding_as_told", { finding = told })
+    parent:add(words.say(lang, word, { text = as_told })):set_generated()
+    return
+  end
+  local item = put.derive(parent, "finding." .. key, text)
+  if item then
+    put.told[text] = name_of(finding)
+    set_lines(item, parent, words.say(lang, word, { text = text }), WIDTH)
   end
 end
 
@@ -91,19 +112,18 @@ end
 -- @param request number of the frame with the request of its transaction; nil where there is none, or where
 --   the tree of the transaction has the link
 function M.add(put, parent, finding, experts, request, lang)
-  local row = tables.rules[finding.rule]
-  local shown = put.derive(parent, "finding", finding.rule)
-  if shown then shown:set_text(label_of_one(finding, row, lang)) end
-  shown = shown or parent
+  local row, sentence = tables.rules[finding.rule], sentences.sentence(finding, lang)
+  local shown = add_title(put, parent, finding, sentence, lang)
   own_experts.add_finding(shown, experts, finding, lang)
   if put.wanted("finding.message") then -- which a filter finds and nobody sees, as the next one
-    put.derive(shown, "finding.message", words.escape(sentences.sentence(finding, lang))):set_hidden()
+    put.derive(shown, "finding.message", words.escape(sentence)):set_hidden()
   end
   if put.wanted("finding.args") then
     put.derive(shown, "finding.args", json.encode(finding.args)):set_hidden()
   end
-  add_of_rule(put, shown, "cause", in_language(row, "cause", lang), "finding_cause", lang)
-  add_of_rule(put, shown, "advice", sentences.advice(row, finding.args, lang), "finding_advice", lang)
+  local advice = sentences.advice(row, finding.args, lang)
+  add_of_rule(put, shown, finding, "cause", in_language(row, "cause", lang), "finding_cause", lang)
+  add_of_rule(put, shown, finding, "advice", advice, "finding_advice", lang)
   add_instead(put, shown, finding)
   add_frames(put, shown, finding, request)
   put.derive(shown, "finding.severity", tables.codes.severities[finding.severity])

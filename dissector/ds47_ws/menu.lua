@@ -1,5 +1,5 @@
 --- Statistics > DS47 Statistics, DS47 Drives; Tools > DS47: the same, save a report, add the profile, check
--- the installation, about.
+-- the installation.
 -- The texts come from ds47.report.statistics, ds47.report.text and ds47.report.csv (through ds47_ws.stats).
 -- Does nothing when loaded, only when called.
 
@@ -8,7 +8,6 @@ local profile = require("ds47_ws.profile")
 local saving = require("ds47_ws.saving")
 local say = require("ds47.report.formatting").say
 local stats = require("ds47_ws.stats")
-local tables = require("ds47.spec.tables")
 
 local M = {}
 
@@ -246,9 +245,6 @@ function M.register(track, info)
     end)
   end
   entry("Check installation", function() show("DS47: check installation", M.check(track, info)) end)
-  entry("About", function()
-    show("About DS47", "DS47 " .. (info.version or "") .. "\n\n" .. tables.about)
-  end)
 end
 
 return M

@@ -34,7 +34,7 @@ local function error_text(told, lang, vendor_id)
 end
 
 -- Each of the four words as a field.
-local function add_words(put, parent, told, record, lang, vendor_id)
+local function add_words(put, parent, told, record, lang)
   local uss = told.layout == "uss"
   local ak = put.add(parent, "pkw.ak", told.ak, record, 0, 1)
   if ak then ak:append_text(format(" (%s)", cyclic.meaning(told.ak, told.answer, lang))) end
@@ -44,17 +44,6 @@ local function add_words(put, parent, told, record, lang, vendor_id)
   put.add(parent, "pkw.page", told.page, record, uss and 2 or 3, 1)
   put.add(parent, "pkw.pwe1", told.pwe1, record, 4, 2)
   put.add(parent, "pkw.pwe2", told.pwe2, record, 6, 2)
-  if told.error then
-    local code = told.error.code
-    local text = cyclic.error_text(code, lang, vendor_id)
-    local shown = put.add(parent, "pkw.error", code, record, 6, 2)
-    if shown then
-      shown:set_text(text and format("Error number: %d (%s)", code, text) or format("Error number: %d", code))
-    end
-  elseif told.value then
-    local shown = put.add(parent, "pkw.value", types.number(told.value), record, value_place(told))
-    if shown then shown:set_text("Value: " .. value_text(told)) end
-  end
 end
 
 -- The address of the parameter; in a response without it, that of the request.
@@ -73,13 +62,7 @@ local function add_value(put, parent, item, told, record)
   local function one(under, key, what) return put.show(under, key, what, told, record, offset, size) end
   local shown = one(parent, "value", words.value(value, item.format)) or parent
   one(shown, "value.number", types.number(value))
-  if item.format == "Float32" then
-    one(shown, "value.float", value)
-  elseif value < 0 then
-    one(shown, "value.signed", Int64.new(value))
-  else
-    one(shown, "value.unsigned", UInt64.new(value))
-  end
+  if item.format == "Float32" then one(shown, "value.float", value) end
   local scaled = item.scaled and item.scaled[1] -- by the description of the parameter
   if scaled then
     local physical = put.derive(shown, "scaled", words.value(scaled, item.format, true)) or shown
@@ -104,6 +87,7 @@ local function add_parameter(put, root, view, told, record, lang)
   local label = words.parameter(item, change, lang)
   local shown = put.add(root, "parameter", label, record, 0, pkw.LENGTH) or root
   add_address(put, shown, item, told, record)
+  put.follow(shown, item)
   put.derive(shown, "attribute", ATTRIBUTES[item.attribute])
   put.derive(shown, "name", sentences.name(item, lang))
   put.derive(shown, "unit", item.unit)
@@ -129,7 +113,7 @@ function M.add(put, root, view, record, lang)
     told = pkw.decode(data, view.role == "read_response", view.item.layout)
     local shown = put.take(root, "pkw", record, 0, pkw.LENGTH)
     if shown then shown:set_text("PKW: " .. pkw.digits(data)) end
-    add_words(put, shown or root, told, record, lang, view.item.vendor_id)
+    add_words(put, shown or root, told, record, lang)
   end
   add_parameter(put, root, view, told, record, lang)
 end

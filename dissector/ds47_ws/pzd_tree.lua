@@ -108,8 +108,8 @@ function M.add(put, parent, place, record, lang)
   local value, root, name = percent(place, raw), parent, place.sent and "stw1" or "zsw1"
   if put.wanted("pzd") then
     local line = line_of(place, value, lang)
-    root = put.add(parent, "pzd", line, record, 0, record:len())
-    root:set_text("DS47 PZD: " .. line)
+    root = put.own(parent, record, "DS47 PZD: " .. line)
+    put.add(root, "pzd", line, record, 0, record:len()):set_hidden()
   end
   local numbers = place.relation.telegrams
   if numbers[1] and put.wanted("pzd.telegram") then add_telegrams(put, root, numbers) end

@@ -17,10 +17,10 @@ local entries = require("ds47.support.later").entries
 local link = require("ds47.profinet.link")
 local parameter = require("ds47.profidrive.parameter")
 local pkw = require("ds47.cyclic.transactions")
-local plc = require("ds47.report.plc")
 local profibus = require("ds47.report.profibus")
 local drives_of = require("ds47.cyclic.relations").drives
 local rpc = require("ds47.profinet.rpc")
+local slot_number = require("ds47.report.sentences").slot_number
 local source_on_bus = require("ds47.cyclic.ppo").source
 local telegram = require("ds47.profibus.telegram")
 local transactions = require("ds47.acyclic.transactions")
@@ -440,7 +440,7 @@ local function by_frames(result)
     push(of_transactions, finding.transaction, finding)
   end
   return {
-    places = places, findings = findings, of_transactions = of_transactions, result = result, witness = nil,
+    places = places, findings = findings, of_transactions = of_transactions, result = result,
     drives = drives.complete(result, current.cyclic),
   }
 end
@@ -468,12 +468,6 @@ function PARTS.parameters(view)
   local peer = { vendor_id = item.vendor_id, device_id = item.device_id, family = item.family }
   local job = { message = view.message, peer = peer, meanings = item.meanings }
   return transactions.parameters(job)
-end
-
--- What the PLC saw: told of all transactions at once.
-function PARTS.witness()
-  complete.witness = complete.witness or plc.witness(complete.result)
-  return complete.witness
 end
 
 local COMPLETE = { complete = true }
@@ -510,6 +504,18 @@ function M.findings_of(view) return view.complete and the_complete().of_transact
 
 --- The number of the drive object that a transaction of the complete result reaches; nil where none is sure.
 function M.drive_object(item) return drive_objects.reached(the_complete().result, item) end
+
+--- The drive object that a view is about, as a text that all who reach it share, as far as one knows:
+-- `192.168.0.5 DO 2`; the submodule, `192.168.0.5 1.2`, where no number is known. Nil without a device.
+function M.reached(view)
+  local item = view.item
+  local access = drive_objects.access_of(item)
+  if not access.device then return nil end
+  local axis = access.axis ~= 0 and access.axis or view.complete and M.drive_object(item)
+  if axis then return format("%s DO %d", access.device, axis) end
+  if not access.slot then return access.device end
+  return access.device .. " " .. slot_number(access.slot, access.subslot)
+end
 
 --- The frame with the request of the transaction that a finding is about; nil where there is none, or where
 -- it is not known yet.
@@ -569,8 +575,9 @@ end
 
 -- The whole file
 
---- The second since 1970 that the times of transactions are relative to.
-function M.base_seconds() return current and current.base_seconds or 0 end
+--- The time of the frame that is dissected, as transactions have theirs.
+-- @param clock as `feed` takes it
+function M.time_ns(clock) return clock(current) end
 
 --- The complete result of the open file, as ds47.analysis gives it, with the stations that named themselves.
 function M.result()

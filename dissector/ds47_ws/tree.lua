@@ -16,7 +16,6 @@ local finding_tree = later("ds47_ws.finding_tree")
 local pkw_tree = later("ds47_ws.pkw_tree")
 local own_experts = require("ds47_ws.experts")
 local passes = require("ds47_ws.passes")
-local plc = require("ds47.report.plc")
 local pzd_tree = later("ds47_ws.pzd_tree")
 local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
@@ -28,7 +27,7 @@ local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
 local wanted_fields = require("ds47_ws.wanted")
 
-local find, format, sub = string.find, string.format, string.sub
+local find, format = string.find, string.format
 local floor, huge = math.floor, math.huge
 local VISIBLE, UNKNOWN = wanted_fields.VISIBLE, wanted_fields.UNKNOWN
 
@@ -92,7 +91,7 @@ end
 
 -- Adds a field whose value is taken from its bytes, which have to be in the frame.
 local function take(parent, key, record, offset, size)
-  local range = wants[key] and part(record, offset, size)
+  local range = record and wants[key] and part(record, offset, size)
   return range and add_item(parent, fields[key], range) or nil
 end
 
@@ -106,6 +105,7 @@ end
 -- alone, Wireshark makes none: before 4.6 only below another item. Then what it gives has no length, and is
 -- not asked for again. The first record tells.
 local function own_last(tree, owner, record)
+  if marked or not wants[owner] then return end
   local root = own_tree(newest or tree, owner, record, "DS47")
   if record and wants[owner] == UNKNOWN then
     local is_made = root.len > 0
@@ -127,6 +127,8 @@ local function elsewhere(data, name) return types.range_of(data, name, find_byte
 -- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
 local adding = {
   wanted = wanted, add = add, derive = derive, show = show, take = take, point = point, elsewhere = elsewhere,
+  own = function(tree, record, label) return marked and own_tree(tree, of_drives, record, label) or tree end,
+  told = {}, -- texts that stand in the tree of the frame already -> what they were told of
 }
 
 -- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
@@ -141,58 +143,25 @@ local of = tables.fields.together
 
 -- Values with the type of their format
 
-local SIGNED = { b = true, h = true, i = true, q = true }
-
--- Kind of a format -> what adds the typed value: (parent, row, value, bytes, record, offset), where the
--- bytes stand in the record.
-local typed = {}
-
-function typed.number(parent, row, value, bytes, record, offset)
-  local signed = SIGNED[row.pack]
-  local key = signed and "value.signed" or "value.unsigned"
-  if not wants[key] then return end
-  local class = signed and Int64 or UInt64
-  local number = #bytes == 8 and class.decode(bytes, false) or class.new(value)
-  add(parent, key, number, record, offset, #bytes)
-end
-
-function typed.float(parent, row, value, bytes, record, offset)
-  local key = row.pack == "f" and "value.float" or "value.double"
-  add(parent, key, types.number(value), record, offset, #bytes)
-end
-
-function typed.text(parent, _, value, bytes, record, offset)
-  add(parent, "value.string", words.escape(value), record, offset, #bytes)
-end
-
-function typed.octets(parent, _, _, bytes, record, offset)
-  take(parent, "value.bytes", record, offset, #bytes)
-end
-
-typed.with_status = typed.octets
-
+local BYTES = { text = true, octets = true, with_status = true } -- kinds whose bytes say more than a number
 local TIMES = { date = true, time_of_day = true }
 local NUMBERS = { number = true, float = true } -- all but times, texts and octets
 
--- The physical value, which is text for dates and times of day and a number for all others.
+-- The physical value, which is text alone for dates and times of day.
 local function physical(parent, kind, item, number)
   local scaled = item.scaled and item.scaled[number]
   if scaled == nil then return end
   local shown = parent
   if wants.scaled then shown = derive(parent, "scaled", words.value(scaled, item.format, true)) end
-  if TIMES[kind] then
-    derive(parent, "value.time", tostring(scaled))
-  else
-    derive(shown, "scaled.number", types.number(scaled))
-  end
+  if not TIMES[kind] then derive(shown, "scaled.number", types.number(scaled)) end
 end
 
--- Text that is not shown as it is has its bytes as well, so that nothing of it is lost; `range` is where they
--- stand.
-local function text_bytes(parent, item, value, range)
-  if type(value) ~= "string" or not words.is_text(item.format) then return end
+-- The bytes of a value at their place. Text that another frame has, and that is not shown as it is, has its
+-- bytes as well, so that nothing of it is lost.
+local function add_bytes_of_value(parent, kind, value, record, offset, size)
+  if take(parent, "value.bytes", record, offset, size) or kind ~= "text" then return end
   if find(value, "[^ -~]") or find(value, '[\\"]') then
-    point(parent, "value.hex", range or elsewhere(reader.from_latin1(value), "Text"))
+    point(parent, "value.bytes", elsewhere(reader.from_latin1(value), "Text"))
   end
 end
 
@@ -209,14 +178,14 @@ local function add_value(parent, item, number, row, block, record)
     local text = item.shown or words.value(value, item.format)
     shown = show(parent, "value", text, block, record, offset, size)
   end
-  if block and typed[kind] and wants[of.typed] then
-    typed[kind](shown, row, value, sub(block.raw, (number - 1) * size + 1, number * size), record, offset)
+  if block and kind == "float" and row.pack == "f" and wants["value.float"] then
+    add(shown, "value.float", types.number(value), record, offset, size)
   end
   if NUMBERS[kind] and wants["value.number"] then
     show(shown, "value.number", types.number(value), block and record, record, offset, size)
   end
-  if wants["value.hex"] then
-    text_bytes(shown, item, value, block and record and part(record, offset, size))
+  if BYTES[kind] and wants["value.bytes"] then
+    add_bytes_of_value(shown, kind, value, block and record, offset, size)
   end
   if item.scaled then physical(shown, kind, item, number) end
 end
@@ -335,6 +304,15 @@ local function add_rest(_, shown, item, place)
   end
 end
 
+local reached -- the drive object that the view is about, which context.reached names
+
+-- What all accesses to a parameter of a drive object have alike: a filter, at a click.
+local function add_follow(parent, item)
+  if item.pnu and reached then derive(parent, "follow", format("%s PNU %d", reached, item.pnu)) end
+end
+
+adding.follow = add_follow
+
 -- What is shown of a parameter, in its order: `add` is a function of the row, the tree, the parameter, and
 -- its place (see `places`).
 local PARAMETER = wanted_fields.list({
@@ -344,6 +322,7 @@ local PARAMETER = wanted_fields.list({
   { field = "element_count", at = 1, size = 1, add = add_of_address },
   { field = "pnu", at = 2, size = 2, add = add_of_address },
   { field = "subindex", at = 4, size = 2, add = add_of_address },
+  { field = "follow", rare = true, add = function(_, shown, item) add_follow(shown, item) end },
   { field = "name", add = add_of_address, value = function(item) return sentences.name(item, language) end },
   { field = "unit", add = add_of_address },
   { field = "family", add = add_of_address, value = function(item) return words.family(item) end },
@@ -376,7 +355,7 @@ local function add_label(parent, view, item, place)
   local from, size = asked and place.address or block, asked and 6 or block and 2 + #block.raw
   local label = words.parameter(item, view.item.operation == "change", language)
   local shown = add(parent, "parameter", label, from and place.record, from and from.offset, size)
-  if not asked and not place.values then mark_generated(shown) end
+  if not (asked or place.values or block and block.error) then mark_generated(shown) end
   return shown
 end
 
@@ -436,14 +415,16 @@ local function frame_of(view, half)
   return found and found.frame
 end
 
-local function add_links(parent, view)
+local function add_links(parent, view, context)
   if view.role ~= "write_request" and wants.request_in then
     derive(parent, "request_in", view.item.frames.write_request)
   end
   if view.role ~= "read_response" and wants.response_in then
     derive(parent, "response_in", frame_of(view, "read_response"))
   end
-  if wants.time and view.item.duration_ns then derive(parent, "time", duration(view.item.duration_ns)) end
+  if wants.time and view.role ~= "write_request" and view.item.frames.write_request then
+    derive(parent, "time", duration(context.now_ns() - view.item.start_ns))
+  end
 end
 
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
@@ -467,35 +448,17 @@ local function is_main(view)
     or (view.role == "write_request" and not frame_of(view, "read_response"))
 end
 
--- A message as the report has it: the words of PKW may change from frame to frame while a request stands.
-local function add_bytes_of(parent, key, data, record, name)
-  local here = record and record:bytes():raw() == data
-  point(parent, key, here and record or elsewhere(data, name))
-end
-
 -- What adds something of a transaction is a function of the tree, the transaction, the view, whether its
 -- state is certain, the record, and the context.
 
--- The messages: one is the record of this frame, the other one stands in another frame.
+-- The message of this frame as the report has it: the words of PKW may change from frame to frame while a
+-- request stands.
 local function add_bytes(parent, item, view, _, record)
-  local main, asked = is_main(view), view.role == "write_request"
-  if (main or asked) and item.request and wants["bytes.request"] then
-    local name = types.source_name("Request", item.frames.write_request)
-    add_bytes_of(parent, "bytes.request", item.request, asked and record, name)
-  end
-  if (main or view.role == "reread") and item.response and wants["bytes.response"] then
-    local name = types.source_name("Response", item.frames.read_response)
-    add_bytes_of(parent, "bytes.response", item.response, not asked and record, name)
-  end
-end
-
--- What WRREC and RDREC showed, once it is known how the transaction ended.
-local function add_plc(parent, item, view)
-  local over = view.complete or frame_of(view, "read_response")
-  if item.channel == "ds47" and over and is_main(view) and wants.plc then
-    local witness = view.witness or plc.witness_of(item, view.job)
-    derive(parent, "plc", witness:text(item, language))
-  end
+  local name = view.role == "write_request" and "request" or HEADERS[view.role] and "response"
+  local data, key = name and item[name], name and "bytes." .. name
+  if not data or not wants[key] then return end
+  local here = record and record:bytes():raw() == data
+  point(parent, key, here and record or elsewhere(data, "Message"))
 end
 
 local function add_frames_of_reads(parent, item, view)
@@ -509,10 +472,6 @@ local function add_frames_of_reads(parent, item, view)
 end
 
 local function add_peers(parent, item) types.add_peers(adding, parent, item) end
-
-local function add_uuid(parent, item)
-  if item.ar and wants.ar then mark_generated(types.add_uuid(parent, fields.ar, item.ar, find_bytes)) end
-end
 
 local function add_drive_object(parent, item, view, _, _, context)
   if view.complete and wants.drive_object then derive(parent, "drive_object", context.drive_object(item)) end
@@ -538,7 +497,6 @@ local VALUES = {
   state = function(item, _, certain) return certain and codes.states[item.state] or nil end,
   request_reference = of_message("request_reference"), axis = of_message("axis"),
   polls = function(item) return item.channel == "ds47" and #item.frames.polls or nil end, -- its Reads
-  start = function(item, _, _, context) return csv.timestamp(context.base_seconds(), item.start_ns) end,
   duration_ms = function(item)
     local nanoseconds = item.duration_ns
     return nanoseconds and nanoseconds / 1000000
@@ -559,12 +517,11 @@ local INSTEAD = {
   transaction = {}, -- below which all others stand
   controller = { { field = of.peers, rare = true, add = add_peers } },
   device = {}, station = {}, -- of which of.peers has both
-  ar = { { field = "ar", add = add_uuid }, row_of({ "vendor_assumed" }) },
+  ar = { row_of({ "ar" }), row_of({ "vendor_assumed" }) },
   drive_object = { { field = "drive_object", rare = true, add = add_drive_object } },
   ["status.write"] = { row_of_status("status.write", "write_status") },
   ["status.read"] = {
     row_of_status("status.read", "read_status"), { field = of.bytes, rare = true, add = add_bytes },
-    { field = "plc", rare = true, add = add_plc },
   },
   polls = { row_of({ "polls" }), { field = of.reads, rare = true, add = add_frames_of_reads } },
 }
@@ -603,7 +560,9 @@ end
 function M.add_words(tree, tvb, found, lang)
   begin(tree, nil, "words", lang)
   for _, place in ipairs(found) do
-    pzd_tree.add(adding, tree, place, tvb:range(place.offset, place.length), lang)
+    local record = tvb:range(place.offset, place.length)
+    pzd_tree.add(adding, tree, place, record, lang)
+    own_last(tree, of_drives, record)
   end
 end
 
@@ -654,12 +613,13 @@ end
 local function add_view(tree, view, findings, taken, context)
   local record = record_of(view, context)
   local root = add_root(tree, view, record)
+  reached = wants.follow and context.reached(view)
   if view.item.channel == "pkw" then
     pkw_tree.add(adding, root, view, record, language)
   else
     add_message(root, view, record)
   end
-  if wants[of.links] then add_links(root, view) end
+  if wants[of.links] then add_links(root, view, context) end
   local certain = view.complete or not wants[of.later_frames] or state_is_certain(view)
   if not certain then add_second_pass(root) end
   add_transaction(root, view, certain, record, context)
@@ -671,7 +631,7 @@ local function add_view(tree, view, findings, taken, context)
     end
   end
   if wants["finding.elsewhere"] then add_elsewhere(root, view, findings, context) end
-  if not marked and wants[protocol] then own_last(tree, protocol, record) end
+  own_last(tree, protocol, record)
 end
 
 local NONE_TAKEN = {} -- of no findings
@@ -681,16 +641,18 @@ local NONE_TAKEN = {} -- of no findings
 -- @param context {lang = "en" or "zh",
 --   find_record = a function of a record and of the view that has it, which gives its TvbRange in this frame,
 --   or nil; find_word = the same of an event; find_bytes = a function of bytes that does the same,
---   base_seconds = a function that gives the second since 1970 that the times are relative to,
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
 --   findings_of = a function that gives all findings of the transaction of a view,
 --   drive_object = one that gives the number of the drive object of a transaction of the complete result,
+--   reached = one that names the drive object of a view, or gives nil,
+--   now_ns = one that gives the time of the frame,
 --   answers = what is known of what trees of this reading want (wanted.lua), or nil}
 function M.add(tree, views, findings, events, context)
   local view = not findings[1] and views[1]
   begin(tree, context.answers, view and view.role or "other", context.lang)
   find_bytes = context.find_bytes
   local taken = findings[1] and {} or NONE_TAKEN
+  if findings[1] then adding.told = {} end
   for number = 1, #views do add_view(tree, views[number], findings, taken, context) end
   if #events > 0 then add_events(tree, events, context.find_word, context.lang) end
   local rest

@@ -6,7 +6,7 @@ local code_of = require("ds47.profidrive.formats").code_of
 local entries = require("ds47.support.later").entries
 local tables = require("ds47.spec.tables")
 
-local char, format, gsub, match, rep = string.char, string.format, string.gsub, string.match, string.rep
+local gsub, match, rep = string.gsub, string.match, string.rep
 
 local M = {}
 
@@ -70,25 +70,5 @@ end
 function M.range_of(data, name, find_bytes)
   return data == "" and find_bytes("") or ByteArray.new(data, true):tvb(name):range()
 end
-
--- A UUID as bytes in either byte order; `unique` unless it is all zeroes, which are found anywhere.
-local UUIDS = entries(function(text)
-  local big = gsub(gsub(text, "-", ""), "%x%x", function(digits) return char(tonumber(digits, 16)) end)
-  local little = big:sub(1, 4):reverse() .. big:sub(5, 6):reverse() .. big:sub(7, 8):reverse() .. big:sub(9)
-  return { big = big, little = little, unique = big ~= ("\0"):rep(16) }
-end, KEPT)
-
---- Adds a UUID, where the frame has it at its bytes. Lua makes no GUID of a text.
-function M.add_uuid(parent, field, text, find_bytes)
-  local uuid = UUIDS[text]
-  local range = uuid.unique and find_bytes(uuid.big)
-  if range then return parent:add(field, range) end
-  range = uuid.unique and find_bytes(uuid.little)
-  if range then return parent:add_le(field, range) end
-  return parent:add(field, M.range_of(uuid.big, "AR UUID", find_bytes))
-end
-
---- `Request in frame 4`, of bytes that stand in another frame.
-function M.source_name(what, frame) return frame and format("%s in frame %d", what, frame) or what end
 
 return M

@@ -1,6 +1,6 @@
 -- Driver: results of an analysis as JSON in, reports as JSON out, under plain Lua.
 --   lua tests/lua/report.lua IN.json OUT.json
--- IN is an array of {"kind": "statistics" | "report" | "csv" | "parameters" | "plc" | "advice",
+-- IN is an array of {"kind": "statistics" | "report" | "csv" | "parameters" | "advice",
 -- "result": {...}, "options": {...}}; OUT is an array of the texts. Nothing is judged here: the test that
 -- calls it compares.
 
@@ -9,7 +9,6 @@ package.path = folder .. "/lua/?.lua;" .. folder .. "/tests/lua/?.lua;" .. packa
 
 local json = require("ds47.support.json")
 local read_json = require("json_reader")
-local plc = require("ds47.report.plc")
 local sentences = require("ds47.report.sentences")
 local tables = require("ds47.spec.tables")
 local unhex = require("ds47.support.bytes").unhex
@@ -22,15 +21,6 @@ local function parameters(result, options)
     for _, each in ipairs(item.parameters) do
       lines[#lines + 1] = words.parameter(each, item.operation == "change", options.lang)
     end
-  end
-  return table.concat(lines, "\n")
-end
-
--- What the PLC saw of each transaction.
-local function saw(result, options)
-  local witness, lines = plc.witness(result), {}
-  for _, item in ipairs(result.transactions) do
-    lines[#lines + 1] = item.channel == "ds47" and witness:text(item, options.lang) or nil
   end
   return table.concat(lines, "\n")
 end
@@ -50,7 +40,6 @@ local KINDS = {
   report = require("ds47.report.text").report,
   csv = require("ds47.report.csv").report,
   parameters = parameters,
-  plc = saw,
 }
 
 -- null is nil in a result.

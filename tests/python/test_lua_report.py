@@ -27,7 +27,6 @@ from test_cyclic_scenes import SCENES, capture
 from test_lua_cyclic import scenes
 from test_lua_pzd import ABSENT, NAMES, without_connect
 from test_profibus_bus import everything_wrong
-from tests.audit import cuts, wire
 from whole_capture import without_analyzers
 
 from ds47 import spec
@@ -47,7 +46,6 @@ from ds47.model import (
 from ds47.profidrive.drive_objects import DriveObjects
 from ds47.report import csv as csv_report
 from ds47.report import json as json_report
-from ds47.report import plc
 from ds47.report.bilingual import say
 from ds47.report.escaping import escape
 from ds47.report.sentences import advice
@@ -135,14 +133,6 @@ def job(kind: str, result: CaptureResult, **options: Any) -> dict[str, Any]:
     """What the driver takes: a result and what to make of it."""
     given = {"path": result.path, "frames": result.frames, **options}
     return {"kind": kind, "result": as_lua(result), "options": given}
-
-
-def saw(result: CaptureResult, lang: str = "en") -> str:
-    """What the PLC saw of each transaction, as Python says it."""
-    witness = plc.Witness(result)
-    return "\n".join(
-        witness.text(each).text(lang) for each in result.transactions if each.channel == "ds47"
-    )
 
 
 def python_csv(result: CaptureResult) -> str:
@@ -324,84 +314,6 @@ def test_the_text_of_a_short_capture(lua: Run) -> None:
     )
     assert "\n  frame 6 #2: Write refused with status DF80B700: write: " in text
     assert text.endswith("\n")
-
-
-def test_reads_without_a_response_are_told_in_their_order_as_in_python(lua: Run) -> None:
-    """Between the polls, and behind them; that the capture ended is told of the last one."""
-    frames = Frames(1, 2, 5, None, [(3, 4), (6, 7)])
-    item = handmade.transaction(state="unanswered", frames=frames, read_status=None)
-    lost = [[], [finding("DS101", 8, 1, None, operation="Read")]]
-    results = [CaptureResult("x", transactions=[item], findings=each) for each in lost]
-    texts = lua([job("plc", each) for each in results])
-    assert texts == [saw(each) for each in results]
-    assert "RDREC, no response before" not in texts[0]
-    assert (
-        " ".join(texts[1].split()).count(
-            "DE80B500; RDREC, its whole response is not in the capture; RDREC "
-        )
-        == 1
-    )
-    assert "DE80B500; RDREC, no response before the capture ends" in texts[1]
-
-
-def test_a_part_of_a_response_is_that_of_the_read_that_has_no_finding_of_its_own(lua: Run) -> None:
-    """Nothing came for one Read, a fragment for the other: two Reads without a response, or one in part."""
-    item = handmade.transaction(state="unanswered", frames=Frames(1, 2, 5, None), read_status=None)
-    part = finding("DS105", 8, 1, None, have=1, kind="RPC")
-    lost = finding("DS101", 5, 1, None, operation="Read")
-    results = [
-        CaptureResult("x", transactions=[item], findings=each) for each in ([part], [lost, part])
-    ]
-    texts = lua([job("plc", each) for each in results])
-    assert texts == [saw(each) for each in results]
-    assert texts[0].endswith("00000000; RDREC, its whole response is not in the capture")
-    assert texts[1].endswith("00000000; RDREC 2 x, the whole response is not in the capture")
-
-
-def test_a_write_without_a_response_before_other_reads_is_told_as_in_python(lua: Run) -> None:
-    """Whose the Reads behind it were is not known; nor where a finding alone names one of them."""
-    lost = handmade.transaction(id=2, state="unanswered", frames=Frames(3), write_status=None)
-    results = []
-    for frames, found in (
-        (Frames(1, 2, 6, 7, [(4, 5)]), []),
-        (Frames(1, 2), [finding("DS104", 5, 1, None, kind="reject", fault=1)]),
-        (Frames(1, 2), []),
-    ):
-        older = handmade.transaction(frames=frames)
-        results.append(CaptureResult("x", transactions=[older, lost], findings=found))
-    texts = lua([job("plc", each) for each in results])
-    assert texts == [saw(each) for each in results]
-    for text, known in zip(texts, (False, False, True), strict=True):
-        assert text.endswith("\nWRREC, its response is not in the capture") is not known
-        assert ("WRREC, no response before the capture ends; RDREC not started" in text) is known
-
-
-@pytest.mark.parametrize(
-    ("length", "write"),
-    [
-        (184, "WRREC, its STATUS was cut off by the capture"),
-        (200, "WRREC DONE, STATUS 00000000"),
-    ],
-)
-def test_what_a_snap_length_left_of_calls_is_told_as_in_python(
-    lua: Run, captures: Path, tmp_path: Path, length: int, write: str
-) -> None:
-    path = tmp_path / "cut.pcap"
-    frames = wire.frames(captures / "real-stacks/o2_pyprofinet_le.pcapng")
-    cuts.write(path, cuts.snapped(length)(frames))
-    result = analyze(path)
-    assert lua([job("plc", result)]) == [saw(result)]
-    read = "RDREC VALID, STATUS 00000000, LEN 10 (0 of them captured)"
-    assert saw(result).splitlines()[-1] == f"{write}; {read}"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("lang", ["en", "zh"])
-def test_what_the_plc_saw_is_that_of_python(
-    lua: Run, results: list[CaptureResult], lang: str
-) -> None:
-    texts = lua([job("plc", each, lang=lang) for each in results])
-    assert texts == [saw(each, lang) for each in results]
 
 
 def test_statistics_name_a_drive_object_only_where_it_is_one(

@@ -17,7 +17,7 @@ import pytest
 
 SEVERITIES = {"error", "warning", "note"}
 SCOPES = {"capture", "transport", "record", "message", "transaction"}
-EXPERTS = {"response", "malformed", "sequence", "protocol"}
+EXPERTS = {"refused", "response", "malformed", "sequence", "usual", "protocol"}
 ANCHORS = {"frame", "request", "write_response", "read_response", "superseding_request"}
 TEXTS = [
     "title", "message", "cause", "advice", "title_zh", "message_zh", "cause_zh", "advice_zh",

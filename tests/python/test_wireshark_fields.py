@@ -41,7 +41,10 @@ def xml(tree: Tree) -> str:
 
 
 def packet(number: int, *trees: list[Tree]) -> str:
-    frame = f'<proto name="frame">{xml(("frame.number", number, []))}</proto>'
+    told = xml(("frame.number", number, [])) + xml(
+        ("frame.time_epoch", f"1767225600.{number - 1:09}", [])
+    )
+    frame = f'<proto name="frame">{told}</proto>'
     protos = "".join(f'<proto name="ds47">{"".join(map(xml, tree))}</proto>' for tree in trees)
     return f"<packet>{frame}{protos}</packet>"
 
@@ -64,7 +67,6 @@ def transaction(number: int, *more: Tree, **frames: int) -> Tree:
         item("subslot", 2),
         item("index", 47),
         *(item(f"frames.{key}", value) for key, value in frames.items()),
-        item("start", "2026-01-01T00:00:00.000000000Z"),
         *more,
     )
 
@@ -89,7 +91,7 @@ ASKED = [
     item("request_id", "0x01"),
     item("axis", 2),
     item("parameter", "p50303[0]", item("pnu", 50303)),
-    transaction(1, write_request=1, read_response=4),
+    transaction(1, item("bytes.request", "03:01"), write_request=1, read_response=4),
 ]
 ANSWERED = [
     item("request_reference", 9),  # a response need not mirror it
@@ -116,7 +118,6 @@ ANSWERED = [
         item("duration_ms", 12.5),
         item("status.write", "0x00000000"),
         item("status.read", "0xde80b500"),
-        item("bytes.request", "03:01"),
         item("bytes.response", "03:02"),
         item("drive_object", 2),
         write_request=1,
@@ -213,9 +214,7 @@ def test_a_value_has_the_type_of_the_report(format_name: str, shown: str, value:
 
 
 def test_text_that_is_shown_with_escapes_is_read_from_its_bytes() -> None:
-    shown = item(
-        "value", '"a\\x00\\"ÿ"', item("value.string", "..."), item("value.hex", "61:00:22:ff")
-    )
+    shown = item("value", '"a\\x00\\"ÿ"', item("value.bytes", "61:00:22:ff"))
     assert values("VisibleString", shown) == ['a\0"ÿ']
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import os
 import re
 import subprocess
+import tomllib
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -19,6 +21,7 @@ from test_wireshark_plugin import (
     CAPTURES,
     COMPLETE,
     PLUGIN,
+    ROOT,
     Tshark,
     columns,
     make,
@@ -33,7 +36,7 @@ from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.diagnosis.suggest import corrected
 from ds47.lab.client import Client
-from ds47.report.sentences import advice, at_offset, sentence
+from ds47.report.sentences import advice, sentence
 from ds47.report.wrap import wrap
 from ds47.spec import rules
 from ds47.spec.statuses import status_text
@@ -44,24 +47,22 @@ REFUSED = "diagnosis-index-and-count.pcapng"
 COPIES = "transport-copies.pcapng"
 HINT = "in one pass a transaction is shown as far as it has come"
 BLIND = "with -2 alone a transaction is shown as far as it has come"
-GROUPS = {
-    "response": "Response",
-    "malformed": "Malformed",
-    "sequence": "Sequence",
-    "protocol": "Protocol",
-}
 
 
 def tree(tshark: Tshark, name: str, *more: str) -> list[str]:
     """The lines of the trees of the plugin, without brackets and what is before them."""
-    output = tshark("-r", CAPTURES[name], *COMPLETE, "-V", "-O", "ds47,ds47_copy", *more)
+    output = tshark("-r", CAPTURES[name], *COMPLETE, "-V", "-O", "ds47", *more)
     return [line.strip().removeprefix("[").removesuffix("]") for line in output.splitlines()]
 
 
 def below(lines: list[str], title: str) -> list[str]:
     """The lines of a finding: up to the next one."""
     start = next(at for at, line in enumerate(lines) if line.startswith(title))
-    ends = [at for at in range(start + 1, len(lines)) if re.match(r"DS\d{3} |Frame \d", lines[at])]
+    ends = [
+        at
+        for at in range(start + 1, len(lines))
+        if re.match(r"DS\d{3} \w+[:：]|Frame \d", lines[at])
+    ]
     return lines[start : ends[0] if ends else len(lines)]
 
 
@@ -84,35 +85,65 @@ def fields_of(home: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    ("name", "rule"),
+    ("name", "rule", "severity", "group"),
     [
-        (REFUSED, "DS410"),
-        ("conversation-superseded-read.pcapng", "DS413"),
-        ("conversation-constant-reference.pcapng", "DS415"),
-        ("transport-reject.pcapng", "DS104"),
+        (REFUSED, "DS410", "Note", "Response"),  # an error code that drives commonly give
+        ("record-write-refused.pcapng", "DS203", "Warning", "Response"),
+        ("transport-reject.pcapng", "DS104", "Warning", "Response"),
+        ("message-missing-request.pcapng", "DS315", "Error", "Malformed"),
+        ("conversation-superseded-read.pcapng", "DS413", "Warning", "Sequence"),
+        ("record-polls-many.pcapng", "DS204", "Chat", "Sequence"),
+        ("conversation-constant-reference.pcapng", "DS415", "Note", "Protocol"),
     ],
 )
-def test_the_group_of_an_expert_info_is_that_of_the_rule(
-    name: str, rule: str, tshark: Tshark
+def test_an_expert_info_is_as_serious_as_wireshark_means_it(
+    name: str, rule: str, severity: str, group: str, tshark: Tshark
 ) -> None:
-    shown = below(tree(tshark, name), f"{rule} ")
-    row = rules()[rule]
-    assert shown[0].startswith(f"{rule} {row.severity}: {row.title}")
-    (group,) = [line for line in shown if line.startswith("Group: ")]
-    assert group == f"Group: {GROUPS[row.expert]}"
+    """Whatever the severity of the finding, which stands in its line."""
+    shown, row = below(tree(tshark, name), f"{rule} "), rules()[rule]
+    assert shown[0].startswith(f"{rule} {row.severity}: ")
+    assert f"Expert Info ({severity}/{group}): {rule} {row.title}" in shown
+    assert f"Severity level: {severity}" in shown
+    assert f"Group: {group}" in shown
 
 
-def test_a_finding_says_its_sentence_in_its_expert_info_alone(tshark: Tshark) -> None:
-    """Which Wireshark itself shows as a line and, below it, as a field."""
+def test_only_what_is_malformed_is_an_error_in_wireshark() -> None:
+    plugin = tomllib.loads((ROOT / "python/ds47/spec/wireshark.toml").read_text("utf-8"))
+    ranks = plugin["experts"]
+    groups = {name for name, rank in ranks.items() if "ERROR" in rank.values()}
+    assert groups == {"malformed", "checksum"}
+    assert {each.expert for each in rules().values() if not each.analyzer_only} < set(ranks)
+
+
+def test_expert_infos_of_one_rule_are_counted_together(tshark: Tshark) -> None:
+    name = "diagnosis-half-captured.pcapng"
+    told = Counter(each.rule for each in analyze(CAPTURES[name]).findings)
+    told = Counter({rule: count for rule, count in told.items() if not rules()[rule].analyzer_only})
+    assert max(told.values()) > 5
+    shown = tshark("-r", CAPTURES[name], *COMPLETE, "-q", "-z", "expert")
+    found = re.findall(r"^ *(\d+) +\w+ +DS47 +(DS\d+) ", shown, re.MULTILINE)
+    assert Counter({rule: int(count) for count, rule in found}) == told
+    assert len(found) == len(told)
+
+
+def test_a_finding_says_its_sentence_in_its_line_alone(tshark: Tshark) -> None:
     (found,) = [each for each in analyze(CAPTURES[REFUSED]).findings if each.rule == "DS717"]
     shown = below(tree(tshark, REFUSED), "DS717 ")
-    said = [line for line in shown if sentence(found) in line]
-    assert [line.split(": ", 1)[0] for line in said] == [
-        "Expert Info (Error/Response)",
-        "offset 4",
-    ]
+    assert shown[0] == f"DS717 error: {sentence(found)}"
+    assert not [line for line in shown[1:] if "p2900[1] (" in line]
     filters = 'ds47.finding.message contains "p2900[1]"'
     assert tshark("-r", CAPTURES[REFUSED], "-2", "-Y", filters, *columns("frame.number")) == "4\n"
+
+
+@pytest.mark.slow
+def test_what_a_frame_said_once_it_refers_to(tshark: Tshark) -> None:
+    """A response with four refused parameters: one cause, and what to do once for each error number."""
+    row = rules()["DS410"]
+    shown = tree(tshark, "o3_two_controllers.pcapng", "-Y", "frame.number == 390")
+    assert len([line for line in shown if line.startswith("DS410 error")]) == 4
+    assert shown.count(wrap(f"Cause: {row.cause}", 76, 4)[0]) == 1
+    assert shown.count("Cause: as of DS410 p1437[0], above") == 3
+    assert shown.count("What to do: as of DS410 p1938[0], above") == 2
 
 
 def test_a_finding_says_its_cause_and_what_to_do(tshark: Tshark) -> None:
@@ -123,11 +154,10 @@ def test_a_finding_says_its_cause_and_what_to_do(tshark: Tshark) -> None:
         assert shown[at : at + len(lines)] == lines
     assert not [line for line in shown if "[truncated]" in line or "\u2026" in line]
     chinese = below(tree(tshark, REFUSED, "-o", "ds47.language:zh"), "DS410 ")
-    assert chinese[0] == f"DS410 错误：{row.title_zh}：p2900[1]"
-    assert wrap(f"原因：{row.cause_zh}", 76, 4)[0] in chinese
     (found,) = [each for each in analyze(CAPTURES[REFUSED]).findings if each.rule == "DS410"]
-    said = at_offset(found.offset, sentence(found, "zh"), "zh")
-    assert f"Expert Info (Error/Response): {said}" in chinese
+    assert chinese[0] == f"DS410 错误：{sentence(found, 'zh')}"
+    assert wrap(f"原因：{row.cause_zh}", 76, 4)[0] in chinese
+    assert f"Expert Info (Note/Response): DS410 {row.title_zh}" in chinese
 
 
 def test_a_finding_has_the_corrected_request_of_the_report(tshark: Tshark) -> None:
@@ -191,13 +221,12 @@ def test_a_finding_names_its_parameter(tshark: Tshark) -> None:
     """A response may have the same finding for several."""
     name = "o3_two_controllers.pcapng"
     shown = tree(tshark, name, "-Y", "frame.number == 390")
-    titles = [line for line in shown if line.startswith("DS410 ")]
+    titles = [line for line in shown if line.startswith("DS410 error")]
     told = [each for each in analyze(CAPTURES[name]).findings if each.frame == 390]
     numbers = [each.args["pnu"] for each in told if each.rule == "DS410"]
-    title = rules()["DS410"].title
     assert len(numbers) == 4
     for number, line in zip(numbers, titles, strict=True):
-        assert re.fullmatch(rf"DS410 error: {title}: p{number}\[\d+\]", line)
+        assert re.match(rf"DS410 error: Parameter p{number}\[\d+\] ", line)
 
 
 @pytest.mark.slow
@@ -296,15 +325,15 @@ def test_a_copy_names_its_original(
 def test_a_copy_says_so_in_its_columns_and_its_tree(tshark: Tshark) -> None:
     (line,) = tshark("-r", CAPTURES[COPIES], "-Y", "frame.number == 2").splitlines()
     assert re.search(r" DS47 .* duplicate of frame 1$", line)
-    assert "Duplicate of frame: 1" in tree(tshark, COPIES)
-    chinese = tshark("-r", CAPTURES[COPIES], "-Y", "ds47_copy", "-o", "ds47.language:zh")
+    assert "DS47 duplicate of frame 1" in tree(tshark, COPIES)
+    chinese = tshark("-r", CAPTURES[COPIES], "-Y", "ds47.duplicate_of", "-o", "ds47.language:zh")
     assert chinese.splitlines()[0].endswith("帧 1 的副本")
 
 
 def test_a_copy_of_another_record_call_is_none_of_ours(tshark: Tshark, tmp_path: Path) -> None:
     """Connect, and records that are no parameter channel, keep the tree of the built-in."""
     path = mirrored(CAPTURES["tour-machine.pcapng"], tmp_path / "mirrored.pcapng")
-    found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47_copy", *columns("pn_io.index")))
+    found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47.duplicate_of", *columns("pn_io.index")))
     indices = {int(row[0].split(",")[0], 16) for row in found if row[0]}
     assert indices == {47}
 

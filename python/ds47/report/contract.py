@@ -384,7 +384,7 @@ TRANSACTION = Shape("transaction", (
         later=True, column="Address of the device on PROFIBUS; null on PROFINET.",
         field=("Station", "uint8", "DEC"), steady=True),
     Key("ar", MAYBE_TEXT, "UUID; null for an implicit read.",
-        column="UUID of the connection; null for an implicit read.", field=("AR UUID", "guid"), steady=True),
+        column="UUID of the connection; null for an implicit read.", field=("AR UUID", "string"), steady=True),
     Key("api", whole(0, 0xFFFF_FFFF, maybe=True), column="API of the record; null on PROFIBUS.",
         field=("API", "uint32", "DEC_HEX"), steady=True),
     Key("slot", WORD, column="Slot of the record.", field=("Slot", "uint16", "DEC_HEX"), steady=True),
@@ -406,7 +406,7 @@ TRANSACTION = Shape("transaction", (
         column="PROFIdrive telegram of the drive object; null where nothing tells it."),
     Key("frames", {}, shape=FRAMES),
     Key("start", TEXT | {"pattern": _TIME}, into="start_ns", take=take_time,
-        column="Time of the first frame, UTC, to the nanosecond.", field=("Start (UTC)", "string")),
+        column="Time of the first frame, UTC, to the nanosecond."),
     Key("duration_ms", {"type": ["number", "null"]},
         "From the Write request to the first Read response that holds the record; "
         "may be negative where time steps back.",

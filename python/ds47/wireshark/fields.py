@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from decimal import Decimal
 from functools import cache
 from json import loads
 from pathlib import Path
@@ -21,6 +22,7 @@ from ds47.profidrive.formats import codec
 from ds47.profidrive.model import ERROR
 from ds47.report import contract
 from ds47.spec.codes import words
+from ds47.spec.units import SECOND_NS, timestamp
 from ds47.wireshark import described
 
 _PREFIX = "ds47."
@@ -54,7 +56,7 @@ def read(source: str | Path | BinaryIO) -> Fields:
     transactions: dict[int, dict[str, Any]] = {}
     findings: list[dict[str, Any]] = []
     events: list[dict[str, Any]] = []
-    for frame, tree in _trees(source):
+    for frame, time, tree in _trees(source):
         events += [_event(frame, each) for each in tree.iter("field") if _name(each) == "pzd.event"]
         for item in tree.iterfind("field"):
             if _name(item) == "finding":
@@ -62,7 +64,10 @@ def read(source: str | Path | BinaryIO) -> Fields:
         for item in tree.iterfind("field"):
             if _name(item) == "transaction":
                 number = int(_show(item))
-                _merge(transactions.setdefault(number, _nothing(number)), frame, tree, item)
+                transaction = transactions.setdefault(number, _nothing(number))
+                _merge(transaction, frame, tree, item)
+                if not transaction["start"] or frame == transaction["frames"]["write_request"]:
+                    transaction["start"] = time  # of PKW a response may stand before its request
     findings.sort(key=_order)
     ordered = [transactions[number] for number in sorted(transactions)]
     for transaction in ordered:
@@ -71,10 +76,10 @@ def read(source: str | Path | BinaryIO) -> Fields:
     return Fields(ordered, findings, events)
 
 
-def _trees(source: str | Path | BinaryIO) -> Iterator[tuple[int, Element]]:
-    """Frame number and tree of the plugin, for each of those trees."""
+def _trees(source: str | Path | BinaryIO) -> Iterator[tuple[int, str, Element]]:
+    """Number and time of the frame and tree of the plugin, for each of those trees."""
     root: Element | None = None
-    frame = 0
+    frame, time = 0, ""
     for event, element in iterparse(source, events=("start", "end")):
         if root is None:
             root = element
@@ -82,8 +87,10 @@ def _trees(source: str | Path | BinaryIO) -> Iterator[tuple[int, Element]]:
             continue
         if element.tag == "field" and element.get("name") == "frame.number":
             frame = int(_show(element))
+        elif element.tag == "field" and element.get("name") == "frame.time_epoch":
+            time = timestamp(int(Decimal(_show(element)) * SECOND_NS))
         elif element.tag == "proto" and element.get("name") in _TREES:
-            yield frame, element
+            yield frame, time, element
         elif element.tag == "packet":
             root.clear()
 
@@ -155,8 +162,11 @@ def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element
         head = _children(tree)  # the message as it was sent; that of an orphan as it was answered
         message = {key: _number(head.get(key)) for key in _OF_MESSAGE}
     transaction |= message
+    for kind, known in transaction["bytes"].items():
+        if known is None:
+            transaction["bytes"][kind] = _digits(seen.get(f"bytes.{kind}"))
     if frame == (frames["read_response"] or first):
-        _merge_all(transaction, tree, item, seen)
+        _merge_all(transaction, tree, item)
 
 
 def _read(found: dict[str, Any], shape: contract.Shape, prefix: str, seen: dict[str, str]) -> None:
@@ -189,15 +199,9 @@ def _peer(seen: dict[str, str], key: str, on_bus: str) -> str | None:
     return seen.get(key, seen.get(f"{key}.mac"))
 
 
-def _merge_all(
-    transaction: dict[str, Any], tree: Element, item: Element, seen: dict[str, str]
-) -> None:
+def _merge_all(transaction: dict[str, Any], tree: Element, item: Element) -> None:
     transaction["frames"]["polls"] = list(_reads(item, "poll"))
     transaction["frames"]["rereads"] = list(_reads(item, "reread"))
-    transaction["bytes"] = {
-        "request": _digits(seen.get("bytes.request")),
-        "response": _digits(seen.get("bytes.response")),
-    }
     frames = transaction["frames"]
     asked = frames["read_response"] is None
     # The values of a change stand in its request; beneath a response are copies of them.
@@ -284,7 +288,7 @@ def _value(item: Element, name: str | None) -> int | float | str:
         return int(_show(item))  # a number of elements, which PKW tells without a format
     below = _children(item)
     if kind == "text":
-        digits = _digits(below.get("value.hex"))
+        digits = _digits(below.get("value.bytes"))
         if digits is not None:
             return bytes.fromhex(digits).decode("latin-1")
         return _show(item)[1:-1]  # in quotes

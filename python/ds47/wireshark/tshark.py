@@ -30,7 +30,7 @@ from ds47.wireshark.locate import NoWiresharkError, Wireshark, find, run
 _HOMES = ("HOME", "XDG_CONFIG_HOME", "WIRESHARK_CONFIG_DIR", "WIRESHARK_APPDATA")
 """Where Wireshark looks for what belongs to a user."""
 _LUA_ERROR = re.compile(rb'<field name="(?:_ws\.[a-z.]+)?"[^>]*="[^"]*Lua Error: ([^"]*)"')
-_SHOWN = "ds47 || ds47_pzd || _ws.lua.error"
+_SHOWN = "ds47 || ds47.pzd.event || _ws.lua.error"
 _TREES = "frame ds47 ds47_pzd _ws.lua.error"
 
 
