@@ -637,9 +637,8 @@ def test_every_word_of_the_commands_too():
         assert en == zh, key
         names = [key, *(key.removeprefix(each) for each in made if key.startswith(each))]
         named = any(f'"{name}"' in sources for name in names)
-        assert named or key.startswith(("s7_owner_", "s7_drive_by_", "version_", "trail_why_")), (
-            key
-        )  # rows of s7.toml, proofs
+        rows = ("s7_owner_", "s7_drive_by_", "version_", "trail_why_", "pkw_own_")
+        assert named or key.startswith(rows), key  # rows of s7.toml, proofs, kinds of PKW requests
 
 
 def test_a_wrong_drive_object_is_told_with_those_that_answer():

@@ -1852,7 +1852,7 @@ M.report_words = {
   duplicate = {en = "duplicate of frame {frame}", zh = "帧 {frame} 的副本"},
   second_pass = {en = "later frames may add to this transaction: tshark -2 -R frame", zh = "后面的帧可能说明该任务的更多内容：tshark -2 -R frame"},
   one_pass = {en = "in one pass a transaction is shown as far as it has come; tshark -2 -R frame also shows what later frames add", zh = "单遍运行时，任务只显示到该帧为止；tshark -2 -R frame 还显示后面的帧的内容"},
-  list_partly = {en = "The list of frames is not complete. Frames are still coming, and the display filter was asked about each of them before later frames were known.\nIt is applied again by itself when no frame has come for some seconds; Return in the filter field does so at once.", zh = "帧列表不完整。仍有帧不断到来，而显示过滤器在后面的帧未知时就已对每个帧作出判断。\n数秒内没有新帧时会自动重新应用过滤器；在过滤器栏中按回车键可立即应用。"},
+  list_partly = {en = "The list of frames is not complete. Frames are still coming, and the display filter was asked about each of them before later frames were known.\nIt is applied again by itself when no frame has come for some seconds; press Return in the filter to do so at once.", zh = "帧列表不完整。仍有帧不断到来，而显示过滤器在后面的帧未知时就已对每个帧作出判断。\n数秒内没有新帧时会自动重新应用过滤器；在过滤器栏中按回车键可立即应用。"},
   list_complete = {en = "The list of frames is complete: the display filter was applied again.", zh = "帧列表已完整：显示过滤器已重新应用。"},
   blind_pass = {en = "with -2 alone a transaction is shown as far as it has come; tshark -2 -R frame also shows what later frames add", zh = "仅用 -2 时，任务只显示到该帧为止；tshark -2 -R frame 还显示后面的帧的内容"},
   finding_cause = {en = "Cause: {text}", zh = "原因：{text}"},
