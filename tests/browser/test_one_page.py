@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
 from browser import until
 
 pytestmark = pytest.mark.slow
