@@ -1,4 +1,4 @@
-"""The policy of the analyzer as one page: its own scripts run in it, and those of the reports it shows; no others."""
+"""The policy of the analyzer as one page: its scripts run in it, those of the reports it shows, and no others."""
 
 import re
 import sys
