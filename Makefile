@@ -18,6 +18,7 @@
 #   make wheelhouse  write what a computer without internet installs from, dist/ds47-VERSION-wheelhouse.zip
 #   make site       build the documentation as a site that needs no network, build/site/html, and as a zip into dist/
 #   make release    write all of these, wheels, bill of materials and checksums into dist/, and check each
+#                   (RELEASE_KEY=~/.ssh/KEY signs the checksums)
 #   make try-release  try what that wrote in bare systems without network: page, pyz, wheelhouse, container (root, Debian)
 #   make captures   let the lab write captures/ again, and store results where there are none
 #   make rule       write the skeletons of a new rule: ID=DS4 for the next of DS4xx, or its number
