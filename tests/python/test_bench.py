@@ -82,3 +82,24 @@ def test_the_benchmark_of_hurtful_conversations_runs() -> None:
     words = [sys.executable, str(ROOT / "bench" / "hurtful.py"), "--trial"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert len(re.findall(r"ndjson +[\d.]+ us", done.stdout)) > 34
+
+
+@pytest.mark.parametrize("form", ["text", "html"])
+def test_a_report_looks_through_the_devices_as_often_however_many_there_are(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import make_hurtful
+
+    from ds47 import model
+    from ds47.cli import main
+
+    looked: list[int] = []
+    named = model.CaptureResult.named
+    count = lambda result: looked.append(len(result.devices)) or named(result)  # noqa: E731
+    monkeypatch.setattr(model.CaptureResult, "named", count)
+    for frames in (40, 160):
+        make_hurtful.write(tmp_path / "x.pcap", "devices", frames)
+        main(["report", "-f", form, "-o", str(tmp_path / f"{frames}"), str(tmp_path / "x.pcap")])
+    few, many = looked.count(10), looked.count(40)
+    assert few == many > 0
+    assert few + many == len(looked)
