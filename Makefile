@@ -11,12 +11,14 @@
 #   make windows    run the analyzer's tests on Python for Windows, by Wine (root, Debian, mvn)
 #   make audit      let the auditor read N random conversations, planned from SEED on, and all captures
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
+#   make bench-hurtful  time and memory of conversations that want much of both    (BENCH="--frames 20000 100000")
 #   make dist       write the plugin as one Lua file, dist/ds47-2_0_0_dev0.lua (the version, with underscores)
 #   make pyz        write the command as one file for any Python, dist/ds47.pyz
 #   make page       write the analyzer as one page for a browser without network, dist/ds47.html (needs npm)
 #   make wheelhouse  write what a computer without internet installs from, dist/ds47-VERSION-wheelhouse.zip
 #   make site       build the documentation as a site that needs no network, build/site/html, and as a zip into dist/
 #   make release    write all of these, wheels, bill of materials and checksums into dist/, and check each
+#                   (RELEASE_KEY=~/.ssh/KEY signs the checksums)
 #   make try-release  try what that wrote in bare systems without network: page, pyz, wheelhouse, container (root, Debian)
 #   make captures   let the lab write captures/ again, and store results where there are none
 #   make rule       write the skeletons of a new rule: ID=DS4 for the next of DS4xx, or its number
@@ -49,7 +51,6 @@ WITH ?=
 DIST := $(CURDIR)/dist
 LUACHECK ?=
 ORACLES ?= build/oracles/captures
-UV_VERSION := 0.13.9
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -64,7 +65,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons windows bench dist pyz page wheelhouse site release try-release captures rule generated tables surface man screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons windows bench bench-hurtful dist pyz page wheelhouse site release try-release captures rule generated tables surface man screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -117,6 +118,9 @@ bench: $(STAMP)
 	$(BIN)/python bench/run.py $(BENCH)
 	$(BIN)/python bench/formats.py $(BENCH)
 	$(BIN)/python bench/plugin.py $(BENCH)
+
+bench-hurtful: $(STAMP)
+	$(BIN)/python bench/hurtful.py $(BENCH)
 
 dist: $(RUN)
 	$(BIN)/python tools/make_bundle.py
@@ -221,10 +225,11 @@ COMPILE := build/resolver/bin/uv pip compile --quiet --universal --python-versio
 
 constraints:
 	@"$(PYTHON)" -m venv --clear build/resolver
-	@build/resolver/bin/python -m pip install --quiet uv==$(UV_VERSION)
+	@build/resolver/bin/python -m pip install --quiet --require-hashes --no-deps --only-binary :all: -r tools/resolver/requirements.txt
 	$(COMPILE) pyproject.toml --upgrade --all-extras --output-file constraints.txt
 	$(COMPILE) pyproject.toml --extra build --constraints constraints.txt --output-file constraints-run.txt
 	$(COMPILE) tools/site/requirements.in --upgrade --output-file tools/site/requirements.txt
+	$(COMPILE) tools/resolver/requirements.in --output-file tools/resolver/requirements.txt
 
 clean:
 	rm -rf $(VENV) build dist bench/data .mypy_cache .ruff_cache .pytest_cache .hypothesis

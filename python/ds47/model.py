@@ -6,7 +6,7 @@ Plain values only: no decoding, no pairing and no formatting lives here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Final, Literal, NamedTuple, get_args
@@ -841,8 +841,14 @@ class CaptureResult(Plain):
 
     def device(self, name: str) -> Device:
         """A device by its IP address, or by its MAC address if a channel was named by hand."""
-        known = (each for each in self.devices if name in (each.ip, each.mac))
-        return next(known, None) or Device(name)
+        return self.named()(name)
+
+    def named(self) -> Callable[[str], Device]:
+        """The same for many names: the devices are looked through once."""
+        known = {
+            name: each for each in reversed(self.devices) for name in (each.mac, each.ip) if name
+        }
+        return lambda name: known.get(name) or Device(name)
 
     @property
     def evidence(self) -> list[Transaction]:

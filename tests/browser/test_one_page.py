@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from browser import until
+
 pytestmark = pytest.mark.slow
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -67,6 +69,14 @@ class Chromium:
 
     def wait(self, script):
         return self.browser.wait(f"return {script}")
+
+    def inside(self, script):
+        """What an expression gives in the report that the page shows."""
+        self.browser.driver.switch_to.frame(self.browser.one("#page"))
+        try:
+            return self.run(script)
+        finally:
+            self.browser.driver.switch_to.default_content()
 
     def files(self, selector, *paths):
         self.browser.one(selector).send_keys("\n".join(str(path) for path in paths))
@@ -287,6 +297,28 @@ def test_the_page_asks_no_other_machine_for_anything(desk, captures):
     policy = desk.run("document.querySelector('meta[http-equiv]').content")
     assert "connect-src 'none'" in policy
     assert "default-src 'none'" in policy
+
+
+def test_a_report_works_in_the_page_and_reaches_nothing_of_it(desk, captures):
+    desk.files("#report input[name=files]", captures / "tour-machine.pcapng")
+    outcome(desk)
+    until(
+        lambda: desk.inside("document.querySelector('article[data-ready]') !== null"),
+        "it is drawn",
+        60,
+    )
+    jump = "(document.querySelector('a[href^=\"#\"]').click(), location.hash)"
+    assert desk.inside(jump).startswith("#")
+    attempt = "(() => { try { return parent.document.title } catch (e) { return e.name } })()"
+    assert desk.inside(attempt) == "SecurityError"
+
+
+def test_no_script_runs_but_ours(desk):
+    added = "document.body.append(Object.assign(document.createElement('script'), {text: 'window.foreign = 1'}))"
+    assert desk.run(f"{added} || 'foreign' in window") is False
+    if isinstance(desk, Chromium):
+        (refused,) = desk.browser.problems()
+        assert "Executing inline script violates" in refused
 
 
 def test_the_page_speaks_both_languages(desk, captures):

@@ -1,5 +1,7 @@
-"""What bench/ writes into docs/benchmarks.md: two tables, each between its marks. No time is taken here."""
+"""What bench/ prints, and writes into docs/benchmarks.md between its marks: tables. No time is taken here."""
 
+import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture(autouse=True)
 def _bench(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "bench"))
-    for name in ("run", "plugin", "window"):
+    for name in ("run", "plugin", "window", "hurtful", "make_hurtful", "make_dense"):
         monkeypatch.delitem(sys.modules, name, raising=False)
 
 
@@ -50,3 +52,54 @@ def test_the_page_has_room_for_both() -> None:
     for program in (run, plugin):
         between = page.partition(program.BEGIN)[2].partition(program.END)[0]
         assert f"\n\n{program.HEAD}\n" in between
+
+
+def test_each_hurtful_conversation_is_read_to_its_end(tmp_path: Path) -> None:
+    import make_hurtful
+
+    from ds47.analysis import analyze
+
+    for name in make_hurtful.KINDS:
+        make_hurtful.write(tmp_path / name, name, 12)
+        assert analyze(tmp_path / name).frames == 12, name
+
+
+def test_what_grows_and_what_is_too_large_is_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+    import hurtful
+    import run
+
+    costs = {"x-10.pcap": run.Run(1, 1.001, 100), "x-50.pcap": run.Run(9, 1.008, 201)}
+    monkeypatch.setattr(run, "made", lambda name, *_: Path(name))
+    monkeypatch.setattr(hurtful, "cost", lambda _, capture: costs[capture.name])
+    line = hurtful.row("x", "csv", [10, 50], run.Run(1, 1, 20))
+    assert line.split() == ["x", "csv", "100.0", "us", "100", "MiB", "160.0", "us!", "201", "MiB!"]
+    line = hurtful.row("x", "json", [10, 50], run.Run(1, 1.0005, 20))
+    assert line.split() == ["x", "json", "50.0", "us", "100", "MiB", "150.0", "us!", "201", "MiB"]
+
+
+@pytest.mark.slow
+def test_the_benchmark_of_hurtful_conversations_runs() -> None:
+    words = [sys.executable, str(ROOT / "bench" / "hurtful.py"), "--trial"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert len(re.findall(r"ndjson +[\d.]+ us", done.stdout)) > 34
+
+
+@pytest.mark.parametrize("form", ["text", "html"])
+def test_a_report_looks_through_the_devices_as_often_however_many_there_are(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import make_hurtful
+
+    from ds47 import model
+    from ds47.cli import main
+
+    looked: list[int] = []
+    named = model.CaptureResult.named
+    count = lambda result: looked.append(len(result.devices)) or named(result)  # noqa: E731
+    monkeypatch.setattr(model.CaptureResult, "named", count)
+    for frames in (40, 160):
+        make_hurtful.write(tmp_path / "x.pcap", "devices", frames)
+        main(["report", "-f", form, "-o", str(tmp_path / f"{frames}"), str(tmp_path / "x.pcap")])
+    few, many = looked.count(10), looked.count(40)
+    assert few == many > 0
+    assert few + many == len(looked)

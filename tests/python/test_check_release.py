@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -26,6 +28,9 @@ def check(repository: Path) -> ModuleType:
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
+        import make_release
+
+        module.release = make_release
     finally:
         sys.path.remove(tools)
     return module
@@ -44,7 +49,7 @@ def folder(check: ModuleType, tmp_path: Path) -> Path:
 
 
 def seal(folder: Path) -> None:
-    files = [path for path in sorted(folder.iterdir()) if path.name != "SHA256SUMS"]
+    files = [path for path in sorted(folder.iterdir()) if not path.name.startswith("SHA256SUMS")]
     lines = (f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files)
     (folder / "SHA256SUMS").write_text("".join(lines), "utf-8")
 
@@ -88,6 +93,32 @@ def test_sums_that_are_wrong_are_told(check: ModuleType, folder: Path) -> None:
     seal(folder)
     (folder / "ds47.html").unlink()
     with pytest.raises(SystemExit, match=r"ds47\.html is listed in SHA256SUMS and not there"):
+        check.sums(folder)
+
+
+@pytest.fixture
+def key(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A key without a passphrase."""
+    if shutil.which("ssh-keygen") is None:
+        pytest.skip("ssh-keygen is missing")
+    path = tmp_path_factory.mktemp("key") / "key"
+    words = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(path)]
+    subprocess.run(words, check=True)
+    return path
+
+
+def test_sums_are_signed_where_there_is_a_key(check: ModuleType, folder: Path, key: Path) -> None:
+    make = check.release
+    (folder / "SHA256SUMS").unlink()
+    assert make.seal(folder, None).endswith("is not signed: RELEASE_KEY names no key")
+    assert not (folder / "SHA256SUMS.sig").exists()
+    (folder / "SHA256SUMS").unlink()
+    assert make.seal(folder, str(key)).endswith("which is signed")
+    check.weigh(folder)
+    check.sums(folder)
+    (folder / "ds47.pyz").write_bytes(b" " * 50_000)
+    seal(folder)
+    with pytest.raises(SystemExit, match=r"SHA256SUMS\.sig is no signature of SHA256SUMS"):
         check.sums(folder)
 
 

@@ -31,8 +31,8 @@ Told = tuple[str, int, dict[str, Any]]
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Memories of two entries."""
-    facts = known().but(history=2)
+    """Memories of two entries, of two stations two things each."""
+    facts = known().but(history=2, of_pair=2)
     monkeypatch.setattr(capture, "known", lambda: facts)
 
 

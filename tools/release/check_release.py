@@ -32,6 +32,9 @@ MOST = {
     "ds47-*.cdx.json": 100_000, "SHA256SUMS": 10_000,
 }  # fmt: skip
 """All that a release consists of, with the bytes that each may have at most; of wheels there may be several."""
+SUMS, SIGNATURE = "SHA256SUMS", "SHA256SUMS.sig"
+NAMESPACE = "ds47-release"
+"""What a signature is for: one of the same key for something else is none."""
 CAPTURE = pins.ROOT / "captures" / "tour-machine.pcapng"
 Said = Callable[[str], None]
 
@@ -53,7 +56,7 @@ def run(*command: str | Path, **more: str) -> str:
 
 def weigh(folder: Path) -> None:
     """Every file is known, none is missing, each has its size. SystemExit with what is wrong."""
-    known = {path for pattern in MOST for path in folder.glob(pattern)}
+    known = {path for pattern in (*MOST, SIGNATURE) for path in folder.glob(pattern)}
     others = {path.name for path in folder.iterdir()} - {path.name for path in known}
     if others:
         sys.exit(f"{folder}: {', '.join(sorted(others))} belongs to no release")
@@ -67,18 +70,30 @@ def weigh(folder: Path) -> None:
 
 
 def sums(folder: Path) -> None:
-    """The checksums are those of the files, of all of them."""
+    """The checksums are those of the files, of all of them; so is their signature, where there is one."""
     listed = dict(
-        reversed(line.split("  "))
-        for line in (folder / "SHA256SUMS").read_text("utf-8").splitlines()
+        reversed(line.split("  ")) for line in (folder / SUMS).read_text("utf-8").splitlines()
     )
     for path in folder.iterdir():
-        if path.name != "SHA256SUMS":
+        if path.name not in (SUMS, SIGNATURE):
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
             if listed.pop(path.name, None) != digest:
                 sys.exit(f"{path} is not what SHA256SUMS says")
     if listed:
         sys.exit(f"{folder}: {', '.join(sorted(listed))} is listed in SHA256SUMS and not there")
+    if (folder / SIGNATURE).exists():
+        verify = [
+            "ssh-keygen",
+            "-Y",
+            "check-novalidate",
+            "-n",
+            NAMESPACE,
+            "-s",
+            str(folder / SIGNATURE),
+        ]
+        with (folder / SUMS).open("rb") as signed:
+            if subprocess.run(verify, stdin=signed, capture_output=True).returncode:
+                sys.exit(f"{folder / SIGNATURE} is no signature of SHA256SUMS")
 
 
 def versions(folder: Path) -> None:

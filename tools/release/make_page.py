@@ -26,6 +26,10 @@ import pins
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from ds47.regression import difference_page
+from ds47.report import digest_page, html
+from ds47.report.html import embed, shell
+
 SOURCES = Path(__file__).resolve().parent / "page"
 SAMPLE = "tour-machine.pcapng"
 """What the page shows to who has no capture at hand."""
@@ -43,11 +47,13 @@ RUNTIME = (
 UNUSED = ("ds47/wireshark/plugin/", "ds47/batch/cluster.py", "ds47/lab/")
 """What nobody can use in a browser: there is no tshark there, and no other machine."""
 POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:; worker-src blob:; "
+    "default-src 'none'; script-src {} 'wasm-unsafe-eval' blob:; worker-src blob:; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; frame-src blob:; connect-src 'none'; "
     "base-uri 'none'; form-action 'none'"
 )
-"""Nothing can be asked of any other machine, whatever a capture has in it."""
+"""Nothing can be asked of any other machine, and no script runs but ours, whatever a capture has in it."""
+WRITTEN = (html.SCRIPTS, difference_page.SCRIPTS, digest_page.SCRIPTS)
+"""The scripts of all pages that ds47 writes: a page that is shown inside another one has its policy as well."""
 
 
 def runtime() -> dict[str, bytes]:
@@ -106,6 +112,13 @@ def packed(data: bytes) -> str:
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
 
 
+def policy() -> str:
+    """The policy of the page, with its own scripts and those of the reports that it shows."""
+    own = [_source("old.js"), _source("page.js")]
+    written = [shell.script_of(shell.environment(), each) for each in WRITTEN]
+    return POLICY.format(" ".join(map(embed.source_of, own + written)))
+
+
 def page(held: dict[str, bytes]) -> str:
     """The page with these parts."""
     words: dict[str, dict[str, str]] = tomllib.loads((SOURCES / "texts.toml").read_text("utf-8"))
@@ -122,7 +135,7 @@ def page(held: dict[str, bytes]) -> str:
     look = pins.ROOT / "python" / "ds47" / "report" / "templates" / "report" / "page.css"
     known: dict[str, Any] = {
         "version": pins.version(),
-        "policy": POLICY,
+        "policy": policy(),
         "style": Markup(look.read_text("utf-8") + _source("page.css")),
         "old": Markup(_source("old.js")),
         "script": Markup(_source("page.js")),

@@ -5,12 +5,14 @@
 
 The page, the file for Python, the wheelhouse, the plugin as one Lua file, the pure wheel, one that is compiled for
 this Python and each that is named, and the source archive. What an earlier run left in the folder goes.
+RELEASE_KEY names a key of OpenSSH, which then signs the checksums.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 import subprocess
 import sys
 import zipfile
@@ -73,21 +75,31 @@ def _component(wheel: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def seal(folder: Path, key: str | None) -> str:
+    """Writes the checksums of all files, and signs them where there is a key; what there is now, in words."""
+    files = sorted(each for each in folder.iterdir() if each.is_file())
+    sums = (f"{hashlib.sha256(each.read_bytes()).hexdigest()}  {each.name}\n" for each in files)
+    listed = folder / check_release.SUMS
+    listed.write_text("".join(sums), "utf-8", newline="\n")
+    told = f"{folder}: {len(files)} files, listed in {listed.name}"
+    if not key:
+        return f"{told}, which is not signed: RELEASE_KEY names no key"
+    sign = ["ssh-keygen", "-q", "-Y", "sign", "-n", check_release.NAMESPACE, "-f", key, str(listed)]
+    subprocess.run(sign, check=True)
+    return f"{told}, which is signed"
+
+
 def main() -> int:
     folder, programs = Path(sys.argv[1] if len(sys.argv) > 1 else pins.ROOT / "dist"), sys.argv[2:]
     folder.mkdir(parents=True, exist_ok=True)
-    for old in (*folder.glob("ds47*"), *folder.glob("SHA256SUMS")):
+    for old in (*folder.glob("ds47*"), *folder.glob(f"{check_release.SUMS}*")):
         old.unlink()
     build(folder, programs)
     name = f"ds47-{pins.version()}.cdx.json"
     (folder / name).write_text(json.dumps(bill(), indent=1, sort_keys=True) + "\n", "utf-8")
-    files = sorted(
-        each for each in folder.iterdir() if each.is_file() and each.name != "SHA256SUMS"
-    )
-    sums = (f"{hashlib.sha256(each.read_bytes()).hexdigest()}  {each.name}\n" for each in files)
-    (folder / "SHA256SUMS").write_text("".join(sums), "utf-8")
+    told = seal(folder, os.environ.get("RELEASE_KEY"))
     check_release.check(folder, programs)
-    print(f"{folder}: {len(files)} files, listed in SHA256SUMS")
+    print(told)
     return 0
 
 

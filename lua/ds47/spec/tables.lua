@@ -136,7 +136,7 @@ M.limits = {
   activities = 2048,
   calls = 64,
   answered_calls = 4096,
-  channels = 65536,
+  channels = 16384,
   relations = 256,
   events = 65536,
   users = 64,
@@ -144,11 +144,11 @@ M.limits = {
   reads = 4096,
   waiting_calls = 4096,
   waiting_ars = 16,
-  proven_ars = 65536,
+  proven_ars = 16384,
   written_values = 262144,
   described_parameters = 32768,
   longest_messages = 8192,
-  stations = 65536,
+  stations = 16384,
 }
 
 M.phases = {

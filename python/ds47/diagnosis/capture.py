@@ -355,7 +355,7 @@ class WholeCapture:
         """All of a device, unless each of them is explained."""
         puzzling = {
             pair[1] for pair, reads in self._idle.items()
-            if pair not in self._explained or len(reads) >= known().history
+            if pair not in self._explained or len(reads) >= known().of_pair
         }  # fmt: skip
         for device, tally in self._idle_reads.items():
             if device in puzzling:
@@ -603,7 +603,7 @@ def _append(memory: _Memory[list[_V]], key: object, item: _V) -> None:
     items = memory.get(key)
     if items is None:
         items = memory.put(key, [])
-    if len(items) < known().history:
+    if len(items) < known().of_pair:
         items.append(item)
 
 

@@ -190,8 +190,9 @@ def who(result: CaptureResult, counts: VerdictCounts) -> list[Who]:
     devices: dict[str, Device] = {}
     states: dict[str, Counter[str]] = {}
     telegrams = Telegrams(result)
+    named = result.named()
     for (name, state), number in Counter(map(attrgetter("device", "state"), jobs)).items():
-        device = result.device(name)
+        device = named(name)
         devices.setdefault(device.ip, device)
         states.setdefault(device.ip, Counter())[state] += number
     found = []

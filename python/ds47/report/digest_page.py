@@ -13,7 +13,7 @@ from ds47.report.html import shell
 from ds47.report.summary import station
 
 DRIVES: Final = 4
-_SCRIPTS: Final = ("base", "page")
+SCRIPTS: Final = ("base", "page")
 
 
 class Writer(Digests):
@@ -22,7 +22,7 @@ class Writer(Digests):
     def close(self) -> None:
         templates = shell.environment()
         known = {
-            **shell.known(templates, self.options.lang, _SCRIPTS),
+            **shell.known(templates, self.options.lang, SCRIPTS),
             "heading": self.options.heading or Heading(),
             "all": self,
             "called": shell.names(self.paths),

@@ -51,8 +51,9 @@ class _Comparison:
         self.wrong: list[tuple[ElementRow, Expectation]] = []
         self._list = expected
         self._devices = {each.ip: each for each in result.devices}
+        named = result.named()
         for item in result.transactions:
-            self._devices.setdefault(item.device, result.device(item.device))
+            self._devices.setdefault(item.device, named(item.device))
         by_pnu: defaultdict[int, list[Expectation]] = defaultdict(list)
         for each in expected:
             by_pnu[each.pnu].append(each)

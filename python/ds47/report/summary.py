@@ -314,7 +314,8 @@ def whose(item: Device, lang: str) -> str:
 def _times(result: CaptureResult) -> dict[str, Latency]:
     """How long the transactions of each drive took, by its address."""
     found: dict[str, Latency] = {}
+    device = result.named()
     for each in result.transactions:
         if each.duration_ns is not None and each.duration_ns >= 0:
-            found.setdefault(result.device(each.device).ip, Latency()).add(each.duration_ns)
+            found.setdefault(device(each.device).ip, Latency()).add(each.duration_ns)
     return found

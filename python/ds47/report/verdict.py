@@ -160,7 +160,8 @@ class VerdictCounts:
 
 def _devices(result: CaptureResult, names: set[str]) -> set[str]:
     """The devices of these names, each once."""
-    return {result.device(name).ip for name in names}
+    device = result.named()
+    return {device(name).ip for name in names}
 
 
 def wrong(result: CaptureResult) -> list[Diagnosis]:

@@ -110,6 +110,7 @@ class DriveKnowledge(Row):
     groups: int
     frames: int
     history: int
+    of_pair: int
     plausible_digits: int
     plausible_least: int
     plausible_most: int

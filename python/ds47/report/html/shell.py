@@ -44,7 +44,7 @@ def known(templates: Any, lang: str, scripts: Sequence[str]) -> dict[str, Any]:
         scripts: the files of templates/report/ that make the one script of the page, in this order.
     """
     words = PageWords(lang)
-    script = _script(templates, scripts)
+    script = script_of(templates, scripts)
     return {
         "lang": lang,
         "version": __version__,
@@ -80,7 +80,8 @@ def names(paths: Sequence[str]) -> dict[str, str]:
     }
 
 
-def _script(templates: Any, names: Sequence[str]) -> str:
+def script_of(templates: Any, names: Sequence[str]) -> str:
+    """The one script of a page, of these files of templates/report/."""
     parts = (_source(templates, f"{name}.js") for name in names)
     return '"use strict";\n(() => {\n' + "\n".join(parts) + "\n})();\n"
 

@@ -47,11 +47,12 @@ def drives(result: CaptureResult, targets: Targets | None = None) -> list[DriveV
     targets = targets or Targets(result.evidence)
     telegrams = Telegrams(result, targets)
     found: dict[str, DriveView] = {}
+    named = result.named()
     for item in result.transactions:
         if item.channel == S7:
             continue  # its partners are no drives
         if item.device not in known:
-            device = result.device(item.device)
+            device = named(item.device)
             known[item.device] = found.setdefault(
                 device.ip, DriveView(device, telegrams.words(device.ip))
             )
