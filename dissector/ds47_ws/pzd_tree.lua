@@ -61,7 +61,8 @@ local function add_bits(put, parent, name, place, record, lang)
     local is_own = is_of_others and bit >= OWN
     if shown and (family or is_own or lang == "zh") then
       local text = is_own and own_text(place.word, bit, lang) or bit_text(name, place.word, bit, family, lang)
-      shown:set_text(format("%s = %s bit %d: %s", types.picture(place.word, bit, 16), name:upper(), bit, text))
+      local picture = types.picture(place.word, bit, 16)
+      shown:set_text(format("%s = %s bit %d: %s", picture, name:upper(), bit, text))
     end
   end
 end

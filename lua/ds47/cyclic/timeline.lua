@@ -47,7 +47,7 @@ Recorder.__index = Recorder
 -- @param speed whether the word behind STW1 is a setpoint of speed; nil where the lengths do not tell
 -- @param fault where in the drive's data FAULT_CODE is, nil where the telegram has none
 -- @param most events that are kept
--- @param own whether bit 11 of STW1 is one of another maker than Siemens: no direction, as far as anybody knows
+-- @param own whether bit 11 of STW1 is one of another maker than Siemens: no direction, as far as is known
 function M.new(operation, trusted, speed, fault, most, own)
   return setmetatable({
     operation = operation, trusted = trusted, speed = speed, fault = fault, most = most, own = own,
