@@ -50,7 +50,7 @@ _REST = re.compile(
 )
 _LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \((?:#(\d+), )?([^)]*)\))?: (frame\.number.*)$")
 _START = re.compile(
-    r"(\d{4}-\d\d-\d\d) (\d\d:\d\d:\d\d\.\d{3}) \+00:00 \(UTC\)(?: first frame| to (.*), ([\d.,]+ (?:ms|s|min)))"
+    r"(\d{4}-\d\d-\d\d) (\d\d:\d\d:\d\d\.\d{3}) \+00:00 \(UTC\)(?: first frame| to (.*?), ([\d.,]+ (?:ms|s|min)))"
 )
 _UNDATED = "no time of day: the clock of the capture begins at "
 _SINCE_1980 = 315_532_800

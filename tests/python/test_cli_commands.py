@@ -310,7 +310,7 @@ def test_a_reader_that_leaves_is_silent(words):
         ("export b.pcap -o - >&-", 2, b"ds47: error: standard output is closed\n"),
         ("check b.pcap >&-", 2, b"ds47: error: standard output is closed\n"),
         ("report b.pcap -f html -o page.html >&-", 0, b""),
-        ("report - -o page.html <&- >&-", 3, b"ds47: stdin: -: the file is empty\n"),
+        ("report - -o page.html <&- >&-", 3, b"ds47: error: stdin: -: the file is empty\n"),
         ("report . -o page.html >&- 2>&-", 0, b""),
         ("report nowhere.pcap -o page.html 2>&-", 3, b""),
     ],

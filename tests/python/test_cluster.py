@@ -432,7 +432,8 @@ def test_results_behind_a_url(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     here = run(capsys, folder, "--results", tmp_path / "r", "-j", jobs)
-    bucket.pipe("/out/line 1/no.pcap.json", b"of a time when it could be read")
+    earlier = (tmp_path / "r" / "tour-machine.pcapng.json").read_bytes()
+    bucket.pipe("/out/line 1/no.pcap.json", earlier)  # of a time when it could be read
     arguments = (folder, "--results", "memory://out/line 1", "-j", jobs)
     assert run(capsys, *arguments) == here
     names = {

@@ -204,7 +204,7 @@ def test_tshark_shows_what_the_report_shows(taken: Path) -> None:
     rows, said = shown(taken / "a.tsv")
     assert "Lua Error" not in said
     assert rows[-1][:2] == ["Speed now,Amps", "1/min,A"]
-    assert "r0021[0] (Speed now) = 10.0 1/min" in rows[-1][2]
+    assert "r0021[0] = 10.0 1/min" in rows[-1][2]
     plain, _ = shown(None)
     assert plain[-1][0] == "Actual speed, smoothed,Actual current, absolute value, smoothed"
 

@@ -511,28 +511,6 @@ def test_the_lines_below_the_opening_are_chinese_too(captures: Path, capsys):
     ]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("lang", ["en", "zh"])
-@pytest.mark.parametrize(
-    "name", ["tour-machine", "record-reread", "record-polls", "transport-fault"]
-)
-def test_wireshark_shows_what_the_plc_saw(tshark, repository: Path, captures: Path, name, lang):
-    path = captures / f"{name}.pcapng"
-    plugin = [
-        "-X",
-        f"lua_script:{repository / 'dissector' / 'ds47.lua'}",
-        "-o",
-        f"ds47.language:{lang}",
-    ]
-    wanted = ["-Y", "ds47.plc", "-T", "fields", "-e", "ds47.transaction", "-e", "ds47.plc"]
-    shown = [line.split("\t") for line in tshark(*plugin, "-2", "-r", path, *wanted).splitlines()]
-    result = analyze(path)
-    witness = plc.Witness(result)
-    expected = {str(each.id): witness.text(each).text(lang) for each in result.transactions}
-    assert expected
-    assert {number.split(",")[0]: told for number, told in shown} == expected
-
-
 # Filters, lines, words
 
 

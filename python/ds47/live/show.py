@@ -157,11 +157,12 @@ class TextShow(text.Writer):
         self.stream.flush()
 
 
-class NdjsonShow(ndjson.Writer):
+class NdjsonShow:
     """An object a line; summaries on demand go elsewhere, as text."""
 
     def __init__(self, stream: TextIO, name: str, aside: TextIO, lang: str = "en") -> None:
-        super().__init__(stream, ReportOptions(lang=lang))
+        self._stream, self._lang = stream, lang
+        self._writer = ndjson.Writer(stream, ReportOptions(lang=lang))
         self.tally = Tally()
         self._name = name
         self._aside = aside
@@ -184,23 +185,23 @@ class NdjsonShow(ndjson.Writer):
         """A finding, at once; that of a transaction comes again with the line of `changed`."""
         self.tally.finding(finding)
         line = {"path": self._name, "finding": json.finding(finding)}
-        self.stream.write(json.text(line) + "\n")
-        self.stream.flush()
+        self._stream.write(json.text(line) + "\n")
+        self._stream.flush()
 
     def summary(self, frames: int) -> None:
         """How things stand, for a person."""
-        self._aside.writelines(f"{line}\n" for line in self.tally.lines(frames, self.options.lang))
+        self._aside.writelines(f"{line}\n" for line in self.tally.lines(frames, self._lang))
         self._aside.flush()
 
     def end(self, result: CaptureResult) -> None:
         """The line that ends a capture."""
         result.path = self._name
-        self.capture(result)
-        self.stream.flush()
+        self._writer.capture(result)
+        self._stream.flush()
 
     def _write(self, transaction: Transaction, findings: Sequence[Finding]) -> None:
-        self.transaction(self._name, transaction, findings)
-        self.stream.flush()
+        self._writer.transaction(self._name, transaction, findings)
+        self._stream.flush()
 
 
 Show = TextShow | NdjsonShow
