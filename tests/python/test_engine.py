@@ -382,6 +382,23 @@ def test_s7_among_other_frames(ready: Callable[..., Engine], tmp_path: Path) -> 
         both_say_the_same(ready, path, AnalysisOptions(channels=(channel,)))
 
 
+def test_times_that_no_clock_shows(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    """An interface that counts in seconds, and timestamps in microseconds: beyond 64 bits of nanoseconds."""
+    data, path = (CAPTURES / "conversation-error.pcapng").read_bytes(), tmp_path / "far.pcapng"
+    at = data.index((1).to_bytes(4, "little"), 28)
+    length = int.from_bytes(data[at + 4 : at + 8], "little")
+    body = data[at + 8 : at + 16] + struct.pack("<HHB3xHH", 9, 1, 0, 0, 0)
+    block = struct.pack("<II", 1, len(body) + 12) + body + struct.pack("<I", len(body) + 12)
+    path.write_bytes(data[:at] + block + data[at + length :])
+    with open_capture(path) as capture:
+        assert all(frame.time_ns > 2**63 for frame in capture)
+    native = analyze(path)
+    assert [each.state for each in native.transactions]
+    assert [each.state for each in ready("tshark").analyze(path).transactions] == [
+        each.state for each in native.transactions
+    ]
+
+
 def test_a_single_time_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None:
     """The first frames say 1970 and later; one does not."""
     first = analyze(CAPTURES / "tour-machine.pcapng").transactions[0].start_ns

@@ -10,6 +10,7 @@ from ds47.analysis import Analysis, AnalysisOptions
 from ds47.capture import Frame
 from ds47.findings.collection import Findings
 from ds47.findings.remark import Remark
+from ds47.findings.times import FrameTimes
 from ds47.lab import message
 from ds47.report.sentences import renumbered, sentence, words
 from ds47.spec import rules
@@ -43,13 +44,16 @@ def test_frames_have_their_times_as_far_as_there_is_room(monkeypatch: pytest.Mon
     few = Limits(**(limits().columns() | {"frame_times": 3}))
     monkeypatch.setattr("ds47.analysis.limits", lambda: few)
     times = ((2, 20), (3, 1 << 70), (5, 50), (6, 60), (9, 90), (12, -(1 << 70)))
-    analysis = Analysis(AnalysisOptions(), None)
+    analysis, noted = Analysis(AnalysisOptions(), None), FrameTimes(few.frame_times)
     told = {}
     for number, time_ns in times:
-        analysis._frames([Frame(number, time_ns, 1, b"", 0)])  # type: ignore[arg-type]
+        frame = Frame(number, time_ns, 1, b"", 0)
+        analysis._frames([frame])  # type: ignore[arg-type]
+        noted.note(frame)
         told[number] = analysis._times.of(number)
     assert told == dict(times)
     assert [analysis._times.of(number) for number in (2, 3, 4, 5, 6)] == [20, None, None, 50, None]
+    assert noted.seen == analysis._times.seen
 
 
 def test_order_and_owner() -> None:

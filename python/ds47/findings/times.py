@@ -21,16 +21,20 @@ class Timed(Protocol):
 
 
 class FrameTimes:
-    """Times of frames by their numbers, of the first `room` frames: 16 bytes a frame.
-
-    Who reads the frames adds to it, because a call for each of them would be dear: the number of a frame and its
-    time go to `seen` as long as there is `room`; numbers grow.
-    """
+    """Times of frames by their numbers, of the first `room` frames: 16 bytes a frame."""
 
     def __init__(self, room: int) -> None:
         self.room = room
         self.seen = array("q")
         self.newest: Timed | None = None
+
+    def note(self, frame: Timed) -> None:
+        """Takes the next frame; numbers grow. `Analysis` does the same in its loop: a call would be dear there."""
+        self.newest = frame
+        if self.room:
+            self.room, now = self.room - 1, frame.time_ns
+            self.seen.append(frame.number)
+            self.seen.append(now if -NO_CLOCK < now < NO_CLOCK else NO_CLOCK)
 
     def of(self, number: int) -> int | None:
         """Nanoseconds since 1970; None where it is not known."""

@@ -334,9 +334,8 @@ class _Extract(Capture):
             self.misfit = frame.number
         self._writer.write(time, bytes(frame.data), frame.original_length, interface=interface)
         self.numbers.append(frame.number)
-        if (frame.link_type not in LINK_TYPES or self.timed) and self.times.room:
-            self.times.room -= 1
-            self.times.seen.extend((frame.number, frame.time_ns))
+        if frame.link_type not in LINK_TYPES or self.timed:
+            self.times.note(frame)
 
     def close(self) -> None:
         """Close both files."""
