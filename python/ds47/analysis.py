@@ -43,7 +43,7 @@ from ds47.model import (
 from ds47.profibus import LINK_TYPES
 from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
-from ds47.profidrive.drive_objects import LOCAL, DriveObjects
+from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.completeness import Completeness, Missing
 from ds47.profinet.ip import Reassembler
@@ -676,10 +676,7 @@ class Analysis:
         self, order: int, transaction: Transaction, remarks: list[Remark], to: OnTransaction
     ) -> None:
         objects, transaction.id = self._objects, order
-        index, axis = transaction.index, transaction.axis or None
-        if index is None or index == LOCAL or (transaction.device, axis) in objects.missing:
-            axis = objects.reached(transaction)
-        transaction.drive_object = axis
+        transaction.drive_object = objects.reached(transaction)
         if objects.telegrams:
             transaction.telegram = objects.telegram(transaction)
         findings: list[Finding] = []

@@ -145,8 +145,6 @@ class DriveObjects:
 
     def telegram(self, item: Transaction) -> int | None:
         """The telegram that the drive object has said before which is reached; None for none."""
-        if not self.telegrams:
-            return None
         return self.telegrams.get(self.identity(access_of(item), SELECTION))
 
     def exists(self, device: str, number: int) -> bool:
