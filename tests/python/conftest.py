@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -40,6 +41,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if len(kept) < len(items):
         config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
         items[:] = kept
+
+
+@pytest.fixture(scope="module")
+def release_tools(repository: Path) -> Iterator[Path]:
+    """tools/release, from which the tests of a module may import."""
+    pytest.importorskip("packaging")
+    tools = repository / "tools" / "release"
+    sys.path.insert(0, str(tools))
+    yield tools
+    sys.path.remove(str(tools))
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,6 @@ import hashlib
 import importlib.util
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -16,23 +15,17 @@ import ds47
 
 
 @pytest.fixture(scope="module")
-def check(repository: Path) -> ModuleType:
-    pytest.importorskip("packaging")
-    tools = str(repository / "tools" / "release")
-    sys.path.insert(0, tools)
-    try:
-        spec = importlib.util.spec_from_file_location(
-            "check_release", repository / "tools/release/check_release.py"
-        )
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        import make_release
+def check(release_tools: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(
+        "check_release", release_tools / "check_release.py"
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    import make_release
 
-        module.release = make_release
-    finally:
-        sys.path.remove(tools)
+    module.release = make_release
     return module
 
 

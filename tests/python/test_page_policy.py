@@ -1,7 +1,6 @@
 """The policy of the analyzer as one page: its scripts run in it, those of the reports it shows, and no others."""
 
 import re
-import sys
 from html import unescape
 from pathlib import Path
 
@@ -17,15 +16,10 @@ CAPTURE = "tour-machine.pcapng"
 
 
 @pytest.fixture(scope="module")
-def page(repository: Path) -> str:
+def page(release_tools: Path) -> str:
     """The page without Python in it."""
-    pytest.importorskip("packaging")
-    tools = str(repository / "tools" / "release")
-    sys.path.insert(0, tools)
-    try:
-        import make_page
-    finally:
-        sys.path.remove(tools)
+    import make_page
+
     return make_page.page({})
 
 
