@@ -31,7 +31,7 @@ from ds47.profidrive import decode_request
 from ds47.profinet import ip, rpc
 from ds47.profinet.link import Packet
 from ds47.profinet.records import Half, Peer, Record
-from ds47.report.escaping import visible
+from ds47.report.json import visible
 from ds47.spec.semantics import limits
 from ds47.spec.units import uuid_text
 

@@ -29,7 +29,6 @@ from ds47.cli.options import (
 from ds47.cli.series import refuse_urls, series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
-from ds47.report.escaping import visible
 
 if TYPE_CHECKING:
     from ds47.batch.tasks import Task
@@ -278,7 +277,7 @@ def _summary(outcomes: Sequence[CheckOutcome]) -> Any:
 
 
 def _print_json(outcomes: Sequence[CheckOutcome], summary: bool) -> None:
-    import json
+    from ds47.report.json import laid_out
 
     document: dict[str, Any] = {
         "schema": "ds47.check/1",
@@ -296,9 +295,7 @@ def _print_json(outcomes: Sequence[CheckOutcome], summary: bool) -> None:
     }
     if summary:
         document["summary"] = _summary(outcomes).document()
-    stdout().write(
-        visible(json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)) + "\n"
-    )
+    stdout().write(laid_out(document))
 
 
 def _plain(outcome: CheckOutcome, number: int) -> dict[str, Any]:

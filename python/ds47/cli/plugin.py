@@ -14,7 +14,6 @@ import click
 
 from ds47.cli.common import counted, fail, stdout, warn
 from ds47.cli.helping import Gathered
-from ds47.report.escaping import visible
 from ds47.version import __version__
 
 if TYPE_CHECKING:
@@ -227,14 +226,14 @@ def _line(check: Check) -> str:
 
 
 def _doctor_json(shark: Wireshark | None, checks: list[Check]) -> str:
-    import json
+    from ds47.report.json import laid_out
 
     content = {
         "ok": not any(check.state == "wrong" for check in checks),
         "wireshark": shark and {"program": str(shark.program), "version": shark.version_text},
         "checks": [asdict(check) for check in checks],
     }
-    return visible(json.dumps(content, indent=2, ensure_ascii=False)) + "\n"
+    return laid_out(content, indent=2)
 
 
 def _listed(names: list[str]) -> str:

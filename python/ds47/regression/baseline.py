@@ -19,7 +19,7 @@ from ds47.capture.rings import common_name, may_be_part
 from ds47.capture.special import special
 from ds47.model import CaptureResult
 from ds47.regression.shape import flaw
-from ds47.report.escaping import visible
+from ds47.report.json import visible
 from ds47.version import __version__
 
 SCHEMA = "ds47.baseline/1"

@@ -6,7 +6,6 @@ same, what a drive did otherwise first, and durations last.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import TextIO
 
@@ -15,7 +14,6 @@ from ds47.regression.conclusions import conclusions
 from ds47.regression.difference import Difference
 from ds47.regression.difference_json import document
 from ds47.report.bilingual import Both, say, state
-from ds47.report.escaping import visible
 from ds47.report.formatting import escape
 from ds47.report.wrap import fitted
 
@@ -42,10 +40,9 @@ def write(
         width: columns of a line of text; None: a line is as long as it is.
     """
     if format_name == "json":
-        stream.write(
-            visible(json.dumps(document(found), ensure_ascii=False, indent=1, allow_nan=False))
-            + "\n"
-        )
+        from ds47.report.json import laid_out
+
+        stream.write(laid_out(document(found)))
     elif format_name == "html":
         from ds47.regression.difference_page import page
 

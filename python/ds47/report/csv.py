@@ -21,7 +21,6 @@ from typing import Any, ClassVar, TextIO
 from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction, Value
 from ds47.report import ReportOptions, contract, is_text, json, write_all
 from ds47.report import Writer as _Writer
-from ds47.report.escaping import visible
 from ds47.report.formatting import escape
 from ds47.report.targets import Telegrams
 from ds47.report.values import about, of_kind
@@ -172,4 +171,4 @@ def _values(values: list[Value], format_name: str | None) -> str:
 
 def _array(values: list[Value]) -> str:
     """Several values as JSON; an escape in it is one of JSON."""
-    return visible(json.list_text(values))
+    return json.visible(json.list_text(values))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any, Final
 
 from ds47.report.bilingual import Both
 from ds47.report.digest import Digest, ShortCause, Who
 from ds47.report.digests import Digests
-from ds47.report.escaping import visible
+from ds47.report.json import laid_out
 from ds47.version import __version__
 
 SCHEMA: Final = "ds47.summary/1"
@@ -26,7 +25,7 @@ class Writer(Digests):
             "captures": [self._capture(each) for each in self.captures],
             "unreadable": [{"path": path, "problem": problem} for path, problem in self.problems],
         }  # fmt: skip
-        self.stream.write(visible(json.dumps(document, ensure_ascii=False, indent=1)) + "\n")
+        self.stream.write(laid_out(document))
 
     def _capture(self, digest: Digest) -> dict[str, Any]:
         return {

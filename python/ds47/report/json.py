@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache, partial
 from itertools import islice, repeat
-from json import JSONEncoder
+from json import JSONEncoder, dumps
 from json.encoder import encode_basestring as _quoted
 from typing import Any, ClassVar, Final, TextIO
 
@@ -30,7 +30,6 @@ from ds47.report import SCHEMA, ReportOptions, contract, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import values as meanings
 from ds47.report.bilingual import Both
-from ds47.report.escaping import visible
 from ds47.report.targets import Telegrams
 from ds47.report.values import about
 from ds47.spec.units import milliseconds as milliseconds
@@ -272,10 +271,11 @@ class LineWriter(_Writer):
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         lang = self.options.lang
-        line = _writer(contract.TRANSACTION, transaction.channel)(transaction, lang)
+        line = transaction_line(transaction, lang)
         about = text([finding(each, lang) for each in findings]) if findings else "[]"
-        whole = f'{{"path": {_path(path)}, "transaction": {line}, "findings": {about}}}\n'
-        self.stream.write(visible(whole))
+        self.stream.write(
+            f'{{"path": {_path(path)}, "transaction": {line}, "findings": {about}}}\n'
+        )
 
     def capture(self, result: CaptureResult) -> None:
         whole = capture(result, self.options.lang)
@@ -291,6 +291,26 @@ def _path(path: str) -> str:
 def text(item: object) -> str:
     """One line of JSON, the same for the same thing; never NaN, which is not JSON."""
     return visible(_encoder.encode(item))
+
+
+def laid_out(item: object, indent: int = 1) -> str:
+    """The same over several lines, with a line end behind it."""
+    return visible(dumps(item, ensure_ascii=False, allow_nan=False, indent=indent)) + "\n"
+
+
+def visible(document: str) -> str:
+    """A JSON text that says the same, with escapes of JSON for what `escaping.escape` escapes; line ends stay."""
+    if (document.isascii() and "\x7f" not in document) or document.isprintable():
+        return document
+    if "\n" in document:
+        return "\n".join(map(visible, document.split("\n")))
+    return "".join(char if char.isprintable() else _of_json(char) for char in document)
+
+
+def _of_json(char: str) -> str:
+    r"""`\\u009b`; two of these for a character beyond 16 bits."""
+    units = char.encode("utf-16-be", "surrogatepass").hex()
+    return "".join(f"\\u{units[at : at + 4]}" for at in range(0, len(units), 4))
 
 
 def _head() -> dict[str, Any]:

@@ -10,7 +10,6 @@ could not be read as a whole is a notification of the tool.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections import Counter
@@ -25,7 +24,7 @@ from ds47 import spec
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.report import ReportOptions
 from ds47.report import Writer as _Writer
-from ds47.report.escaping import visible
+from ds47.report.json import text
 from ds47.report.sentences import message
 from ds47.version import __version__
 
@@ -122,7 +121,7 @@ class _Log:
             "partialFingerprints": {FINGERPRINT: self._fingerprint(item)},
             "properties": {key: value for key, value in about.items() if value is not None},
         }
-        self._stream.write(self._separator + _text(entry))
+        self._stream.write(self._separator + text(entry))
         self._separator = ",\n"
 
     def problem(self, path: str, problem: str) -> None:
@@ -138,9 +137,9 @@ class _Log:
         invocation: dict[str, Any] = {"executionSuccessful": not self._problems}
         if self._problems:
             invocation["toolExecutionNotifications"] = self._problems
-        rules = ",\n".join(_text(_rule(name)) for name in self._rules)
+        rules = ",\n".join(text(_rule(name)) for name in self._rules)
         self._stream.write(
-            f'],\n"invocations": [{_text(invocation)}],\n'
+            f'],\n"invocations": [{text(invocation)}],\n'
             f'"tool": {{"driver": {{"name": "ds47", "version": "{__version__}", '
             f'"semanticVersion": "{_SEMANTIC_VERSION}", "rules": [\n{rules}]}}}}}}]}}\n'
         )
@@ -194,10 +193,6 @@ def _location(path: str, frame: int | None) -> dict[str, Any]:
 def _message(text: str) -> dict[str, str]:
     """A text in which SARIF sees no placeholder and no link (2.1.0, 3.11.5 and 3.11.6)."""
     return {"text": _LINK.sub(r"\\[", text.replace("{", "{{").replace("}", "}}"))}
-
-
-def _text(item: object) -> str:
-    return visible(json.dumps(item, ensure_ascii=False, allow_nan=False))
 
 
 def _uri(path: str) -> str:

@@ -106,17 +106,13 @@ class Telegrams:
     The drive itself says them in p0922. Where nobody asks for that, the lengths of cyclic data may leave only one.
     """
 
-    def __init__(self, result: CaptureResult | None = None, targets: Targets | None = None) -> None:
-        told = [] if result is None else list(_told(result.evidence))
-        self._targets = targets or Targets(result.evidence if result and told else ())
+    def __init__(self, result: CaptureResult, targets: Targets | None = None) -> None:
+        told = list(_told(result.evidence))
+        self._targets = targets or Targets(result.evidence if told else ())
         self._said: dict[Identity, _Selected] = {
             self._targets.identity(each.item, SELECTION): each for each in told
         }
-        sure = [
-            each
-            for each in (result.entire.relations if result else ())
-            if each.certainty not in (ODD, REFUTED)
-        ]
+        sure = [each for each in result.entire.relations if each.certainty not in (ODD, REFUTED)]
         self._lengths = {
             (each.device, each.slot): each.telegrams[0]
             for each in sure
@@ -126,7 +122,7 @@ class Telegrams:
         self._slots = {(each.item.device, each.item.slot) for each in told}
         self._ppos = {
             f"dp{each.address}": f"PPO{each.ppo}"
-            for each in (result.bus.stations if result and result.bus else ())
+            for each in (result.bus.stations if result.bus else ())
             if each.ppo is not None
         }
 
