@@ -81,7 +81,6 @@ function M.new(options)
     findings = findings.new(options.ignore),
     diagnoses = diagnosis.new(codec),
     stations = stations.Stations.new(nil, options.vendor_id),
-    fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
     reassembly = ip.Reassembler.new(limits),
     finished_jobs = transactions.store(codec),
     original = nil, -- the frame of which the last one is a mirror port's copy; nil of all others
@@ -131,49 +130,12 @@ local function begin(self, frame)
   live.frame, live.touched_count = frame, 0
 end
 
--- What `parts` waits for no more is told at once; `kind` is "RPC" or "IP".
-local function tell_given_up(self, parts, kind)
-  local given_up = parts.given_up
-  if given_up[1] then
-    parts.given_up = {}
-    for _, part in ipairs(given_up) do self.records:given_up(part, kind, self.calls) end
-  end
-end
-
--- A part of a message that is not whole yet; that of a response belongs to its call.
-local function take_fragment(self, pdu)
-  if pdu ~= nil then self.calls:take_fragment(pdu) end
-end
-
--- The message that an RPC fragment completes, nil where it completes none.
-local function joined(self, pdu)
-  local whole = self.fragments:feed(pdu)
-  tell_given_up(self, self.fragments, "RPC")
-  if whole == nil then take_fragment(self, pdu) end
-  return whole
-end
-
 --- Takes the PDU of a whole UDP datagram.
 -- @param ip_id  the identification of its IP header
 -- @param src_mac  whose frame it came in, or the one that completed it: text, nil where that is not known
 function Analysis:datagram(pdu, ip_id, src_mac)
   begin(self, pdu.frame)
-  local tracker = self.calls
-  if pdu.mapper then
-    if pdu.ptype == 0 then tracker:passes(pdu) end
-    return
-  end
-  local is_copy, original = tracker:is_copy(pdu, ip_id)
-  if is_copy then
-    self.original = original
-    return
-  end
-  local whole = pdu
-  if pdu.fragmented then whole = joined(self, pdu) end
-  if whole ~= nil then
-    self.stations:message(whole, src_mac)
-    tracker:take(whole)
-  end
+  self.original = self.calls:take(pdu, ip_id, src_mac)
 end
 
 --- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, src_port, ip_id, src_mac, cut},
@@ -188,15 +150,20 @@ end
 --- Takes one IP fragment: {frame, time_ns, src_ip, dst_ip, ip_id, offset, more, data, cut}, see ip.lua.
 function Analysis:fragment(fragment)
   begin(self, fragment.frame)
-  local packet = self.reassembly:feed(fragment)
-  self.original = self.reassembly.original
-  tell_given_up(self, self.reassembly, "IP")
+  local parts = self.reassembly
+  local packet, given_up = parts:feed(fragment), parts.given_up
+  self.original = parts.original
+  if given_up[1] then
+    parts.given_up = {}
+    for _, part in ipairs(given_up) do self.records:given_up(part, "IP", self.calls) end
+  end
   if packet ~= nil then
     self:packet(packet)
     return
   end
-  local first = self.reassembly.begun(fragment)
-  if first then take_fragment(self, rpc.parse(first)) end
+  local first = parts.begun(fragment)
+  local pdu = first and parse(first)
+  if pdu then self.calls:take_fragment(pdu) end
 end
 
 --- Takes a cyclic frame that is watched and is looked at (`is_news` of channels.lua).

@@ -181,10 +181,15 @@ local function new_run()
   local missing = completeness.new(tables.limits.activities)
   local run = {
     events = events, records = recordcalls.RecordCalls.new(events, ear, ear, nil, missing),
-    stations = stations.Stations.new(),
-    fragments = rpc.Fragments.new(tables.limits.fragment_expiry_ns),
-    reassembly = ip.Reassembler.new(tables.limits),
+    stations = stations.Stations.new(), reassembly = ip.Reassembler.new(tables.limits),
+    given_up = {}, packet = nil, fragmented = false,
   }
+  function run.records.message(_, whole, src_mac)
+    if run.fragmented then tell_pdu(whole, "whole", run.packet) end
+    tell_records(whole)
+    run.stations:message(whole, src_mac)
+  end
+  function run.records.given_up(_, part) run.given_up[#run.given_up + 1] = part end
   run.calls = calls.CallTracker.new(tables.limits, run.records, missing)
   return run
 end
@@ -195,25 +200,12 @@ local function feed(run, packet)
     return
   end
   tell_pdu(pdu, "pdu", packet)
-  if run.calls:is_copy(pdu, packet.ip_id) then
-    return
-  end
-  local fragmented = pdu.fragmented
-  local whole = run.fragments:feed(pdu)
-  if whole then
-    if fragmented then
-      tell_pdu(whole, "whole", packet)
-    end
-    tell_records(whole)
-    run.stations:message(whole, packet.src_mac)
-    run.calls:take(whole)
-  else
-    run.calls:take_fragment(pdu)
-  end
+  run.packet, run.fragmented = packet, pdu.fragmented
+  run.calls:take(pdu, packet.ip_id, packet.src_mac)
 end
 
 local function finish(run)
-  for _, parts in ipairs({run.fragments.given_up, run.fragments:unfinished()}) do
+  for _, parts in ipairs({run.given_up, run.calls.fragments:unfinished()}) do
     for _, part in ipairs(parts) do
       run.records:incomplete(part.pdu, part.have, "RPC", part.limit)
     end

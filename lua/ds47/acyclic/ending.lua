@@ -46,7 +46,7 @@ end
 local function lose_calls(live, events)
   local calls, counts = live.calls:unanswered(), flat(live.calls.counts)
   local told = recordcalls.RecordCalls.new(events, nil, nil, live.stations)
-  for _, part in ipairs(live.fragments:unfinished()) do told:given_up(part, "RPC", live.calls) end
+  for _, part in ipairs(live.calls.fragments:unfinished()) do told:given_up(part, "RPC", live.calls) end
   for _, part in ipairs(live.reassembly:unfinished()) do told:given_up(part, "IP", live.calls) end
   for _, call in ipairs(calls) do told:lost(call) end
   local services = ms1calls.new(events, nil, live.ms1.idents)

@@ -93,6 +93,8 @@ function RecordCalls.new(events, pairing, listener, stations, completeness)
   }, RecordCalls)
 end
 
+function RecordCalls:message(pdu, src_mac) self.stations:message(pdu, src_mac) end
+
 --- The first record in the beginning of a message; nil if it shows none that can be ours.
 function RecordCalls:first_record(pdu)
   local record

@@ -1,7 +1,8 @@
 -- RPC calls: which response belongs to which request (docs/pairing.md, RPC level, P4 to P11).
 --
--- Tells copies, retransmissions and reused numbers apart and hands each call on exactly once. records.lua
--- parses what a call carries; pairing.lua knows what it means for the parameter channel.
+-- Drops copies, joins fragments, tells retransmissions and reused numbers apart, and hands each call on
+-- exactly once. records.lua parses what a call carries; pairing.lua knows what it means for the parameter
+-- channel.
 --
 -- A call is {request = pdu, response = pdu or nil, in_part = true if fragments of a response were seen,
 -- sent_ns = when the request was last sent, nil if it was sent once, context = the records that it carries,
@@ -27,30 +28,33 @@ local CallTracker = {}
 CallTracker.__index = CallTracker
 M.CallTracker = CallTracker
 
---- Takes whole RPC messages in the order of the capture.
+--- Takes PDUs in the order of the capture.
 --
 -- Memory is bounded by the limits. A call without a response is reported as lost when it expires, and as
 -- pushed out when there are too many.
 -- @param limits the flat table of tables.lua (copy_ns, call_expiry_ns, datagrams, activities, calls,
 --   answered_calls, rpc_messages)
 -- @param handlers a table with methods for what happens to a call, in the order of the capture:
+--   message(pdu, src_mac), each whole message before what it does;
 --   asked(call); answered(call), by its response; failed(call, pdu), by a fault or reject; again(call, pdu),
 --   its request was repeated; late(call), its request came after its response, but was sent before;
 --   twice(call, pdu), a second response with other bytes; unasked(pdu, certain), a response without its
 --   request, `certain` if the capture has no part of that; lost(call), its response did not come in time;
---   pushed_out(call, limit), the limit of that name gave it up: its response may still come
+--   pushed_out(call, limit), the limit of that name gave it up: its response may still come;
+--   given_up(part, "RPC", tracker), a message without all its fragments
 -- @param missing  hears what the capture lacks (completeness.lua)
 function CallTracker.new(limits, handlers, missing)
   return setmetatable({
     limits = limits, handlers = handlers, activities = ordered.new(),
     completeness = missing or completeness.new(limits.activities),
+    fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
     early = ordered.new(), -- the newest responses without a request
     given_up = ordered.new(), -- the newest requests without a response in time
     answered = ordered.new(), -- answered calls that may still be repeated: the newest is last
     forgot = false, -- whether some were forgotten because there were too many
     connects = ordered.new(), -- `rpc.pair` of client and server -> the frame of the newest Connect
     begun_requests = ordered.new(), -- incomplete requests: only fragments were seen
-    -- The newest datagrams by a key (`is_copy`), and those before them. When there are enough (no `room` is
+    -- The newest datagrams by a key (`copied`), and those before them. When there are enough (no `room` is
     -- left), the newest ones become the earlier ones.
     recent = {}, earlier = {}, room = limits.datagrams,
     alike = 0, -- after how many such changes none has a long key
@@ -92,10 +96,9 @@ local function came_again(self, pdu)
   if call then call.again = pdu.frame end
 end
 
---- Whether the same datagram with the same IP id was here: it came twice, or is in the file twice (P6).
--- @param ip_id the identification of its IP header; 0 says nothing: then only the copy window counts
--- @return that, and the frame of the first one for a copy
-function CallTracker:is_copy(pdu, ip_id)
+-- The frame of the same datagram with the same IP id: it came twice, or is in the file twice (P6). nil if
+-- this one is no copy. An IP id of 0 says nothing: then only the copy window counts.
+local function copied(self, pdu, ip_id)
   -- A number of 52 bits that nearly always tells a datagram apart. The IP id is in it as it is.
   local seq, fragment, recent = pdu.seq, pdu.fragment, self.recent
   if fragment ~= 0 then seq = seq + 40503 * fragment end
@@ -111,7 +114,7 @@ function CallTracker:is_copy(pdu, ip_id)
     if ip_id ~= 0 or passed <= window and -passed <= window then
       self.counts.copies = self.counts.copies + 1
       if passed > window then came_again(self, pdu) end
-      return true, before.frame
+      return before.frame
     end
   end
   local is_new = recent[key] == nil
@@ -124,7 +127,7 @@ function CallTracker:is_copy(pdu, ip_id)
       self.alike = math.max(self.alike - 1, 0)
     end
   end
-  return false
+  return nil
 end
 
 local function append(activity, seq, call)
@@ -417,15 +420,38 @@ end
 local TAKE = {[0] = request, [2] = response, [3] = fault, [6] = fault}
 local COUNTED = {[0] = "requests", "pings", "responses", "faults", "working", [6] = "rejects"}
 
---- Takes one whole message (not a copy, see `is_copy`).
-function CallTracker:take(pdu)
-  local counts, name, take = self.counts, COUNTED[pdu.ptype] or "others", TAKE[pdu.ptype]
-  counts[name] = counts[name] + 1
-  if take then take(self, pdu) end
+-- The message that an RPC fragment completes, nil where it completes none.
+local function joined(self, pdu)
+  local fragments = self.fragments
+  local whole, given_up = fragments:feed(pdu), fragments.given_up
+  if given_up[1] then
+    fragments.given_up = {}
+    for _, part in ipairs(given_up) do self.handlers:given_up(part, "RPC", self) end
+  end
+  if whole == nil then self:take_fragment(pdu) end
+  return whole
 end
 
---- Takes a call of the endpoint mapper: only its number counts.
-function CallTracker:passes(pdu) activity_of(self, pdu).numbers:add(pdu) end
+--- Takes the next PDU. Nothing happens for a copy.
+-- @param ip_id the identification of its IP header
+-- @param src_mac of the frame that it came in, or that completed it: text, nil where that is not known
+-- @return the frame of the first one for a copy, else nil
+function CallTracker:take(pdu, ip_id, src_mac)
+  if pdu.mapper then -- calls of the endpoint mapper share the sequence numbers
+    if pdu.ptype == 0 then activity_of(self, pdu).numbers:add(pdu) end
+    return nil
+  end
+  local original = copied(self, pdu, ip_id)
+  if original then return original end
+  local whole = pdu
+  if pdu.fragmented then whole = joined(self, pdu) end
+  if whole == nil then return nil end
+  self.handlers:message(whole, src_mac)
+  local counts, name, take = self.counts, COUNTED[whole.ptype] or "others", TAKE[whole.ptype]
+  counts[name] = counts[name] + 1
+  if take then take(self, whole) end
+  return nil
+end
 
 --- Takes a fragment that completes no message: its request or response is not entirely missing.
 function CallTracker:take_fragment(pdu)
