@@ -91,6 +91,16 @@ def of_mixed(finding: Finding, reading: Reading) -> Iterator[str]:
         yield "the counters go on by a cycle each"
 
 
+def _moments(reading: Reading, relation: dict[str, Any]) -> Iterator[tuple[int, int]]:
+    """Frame and time of everything that both sides say, data exchange without data, too."""
+    if reading.line is None:
+        for side in ("output", "input"):
+            yield from (part[:2] for part in parts(reading, relation, side))
+        return
+    for turn in dp.exchanges(reading.line, relation["controller"], relation["device"]):
+        yield from ((each.number, each.time_ns) for each in (turn.asked, turn.answer) if each)
+
+
 def pauses(reading: Reading, pair: tuple[str, str]) -> list[tuple[int, int]]:
     """The frames between which nothing of a controller and a drive came for longer than a cycle and a half.
 
@@ -100,9 +110,7 @@ def pauses(reading: Reading, pair: tuple[str, str]) -> list[tuple[int, int]]:
     for relation in reading.plain["relations"]:
         if (relation["controller"], relation["device"]) != pair:
             continue
-        there = sorted(
-            part[:2] for side in ("output", "input") for part in parts(reading, relation, side)
-        )
+        there = sorted(_moments(reading, relation))
         gaps = [two[1] - one[1] for one, two in pairwise(there)]
         usual = (
             (relation["cycle_ms"] or 0) * 1.5e6 or 3 * sorted(gaps)[len(gaps) // 2] if gaps else 0

@@ -216,26 +216,10 @@ def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
         yield "it is of no request without a response"
     after = talk.since()
     end = next((frame for frame, words in after if words != talk.asked), after[-1][0])
-    if what == "cyclic_frames" and talk.relation["cycle_ms"] is None:  # nothing counts the frames
-        asked = dict(talk.words("output"))[last]
-        said = [words for frame, words in talk.words("input") if frame < last][-1]
-        pair = talk.relation["controller"], talk.relation["device"]
-        paused = any(first <= one < two <= last for one, two in cyclic.pauses(reading, pair))
-        if not (paused or _may_answer(said, asked)):
-            yield f"{said.hex()} is no answer to what is asked in frame {last} only"
-    elif what == "cyclic_frames":
-        there = [
-            (way, each.frame, int.from_bytes(reading.capture.frames[each.frame - 1].data[-4:-2]))
-            for way in ("input", "output") for each in cyclic.parts(reading, talk.relation, way)
-        ]  # fmt: skip
-        cycle = talk.relation["cycle_ms"] * cyclic.TICKS
-        steps = [
-            max((now - before) % cyclic.COUNTERS, _ticks(reading, earlier, frame))
-            for (way, earlier, before), (same, frame, now) in pairwise(there)
-            if way == same and frame > first and earlier < last  # another drive may have shown it
-        ]  # fmt: skip
-        if not any(step > 1.5 * cycle for step in steps):
-            yield f"no frame is missing between {first} and {last}"
+    if what == "cyclic_frames":
+        yield from (_uncounted if talk.relation["cycle_ms"] is None else _counted)(
+            talk, first, last
+        )
         if last < talk.begins or first > end:
             yield f"the request stood from {talk.begins} to {end}"
     elif what == "cyclic_behind":
@@ -249,6 +233,34 @@ def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
         yield from _soon(talk, after)
     else:
         yield f"what {what!r} is nothing"
+
+
+def _uncounted(talk: Talk, first: int, last: int) -> Iterator[str]:
+    """Nothing counts the frames: a pause is between these, or the drive says already what is asked only then."""
+    pair = talk.relation["controller"], talk.relation["device"]
+    if any(first <= one < two <= last for one, two in cyclic.pauses(talk.reading, pair)):
+        return
+    asked = dict(talk.words("output")).get(last)  # data exchange without data asks nothing
+    said = [words for frame, words in talk.words("input") if frame < last][-1]
+    if not asked or not _may_answer(said, asked):
+        yield f"{said.hex()} is no answer to what is asked in frame {last} only"
+
+
+def _counted(talk: Talk, first: int, last: int) -> Iterator[str]:
+    """The cycle counter goes on by more than a cycle in between."""
+    reading, relation = talk.reading, talk.relation
+    there = [
+        (way, each.frame, int.from_bytes(reading.capture.frames[each.frame - 1].data[-4:-2]))
+        for way in ("input", "output") for each in cyclic.parts(reading, relation, way)
+    ]  # fmt: skip
+    cycle = relation["cycle_ms"] * cyclic.TICKS
+    steps = [
+        max((now - before) % cyclic.COUNTERS, _ticks(reading, earlier, frame))
+        for (way, earlier, before), (same, frame, now) in pairwise(there)
+        if way == same and frame > first and earlier < last  # another drive may have shown it
+    ]  # fmt: skip
+    if not any(step > 1.5 * cycle for step in steps):
+        yield f"no frame is missing between {first} and {last}"
 
 
 def _soon(talk: Talk, after: list[tuple[int, bytes]]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from test_audit import lines_of_profibus, mutated
-from tests.audit import cuts, dp, lines, reading, run, stations, wire
+from tests.audit import cuts, dp, lines, pkw, reading, run, stations, wire
 from tests.audit import seeds as many
 from tests.audit.reading import Reading
 
@@ -108,3 +108,16 @@ def test_of_a_line_of_two_places_out_of_order_nobody_counts_repetitions(tmp_path
     assert item.line is not None
     assert item.line.doubled
     assert list(stations.check(item)) == []
+
+
+def test_data_exchange_without_data_ends_a_pause(tmp_path: Path) -> None:
+    plan = next(each for each in many.kept(many.WITH_HOLES) if each.seed == 5867366)
+    many.play(plan).tape.write(tmp_path / "line.pcap")
+    item = reading.read(tmp_path / "line.pcap", text=False, page=False)
+    told = next(each for each in item.findings if each.rule == "DS110")
+    first, last = told.args["first"], told.args["last"]
+    assert item.capture.frames[last - 1].data.hex() == "1004015c6116"
+    assert list(pkw.of_incomplete(told, item)) == []
+    for wrong in ((first, last - 1), (last, last + 1), (last + 20, last + 30)):
+        told.args["first"], told.args["last"] = wrong
+        assert list(pkw.of_incomplete(told, item))
