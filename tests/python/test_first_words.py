@@ -43,6 +43,13 @@ def test_the_bare_command_is_a_help_on_stdout(
     assert max(map(len, out.splitlines())) <= 80
 
 
+def test_no_help_shows_the_marks_of_its_layout(capsys: Captured) -> None:
+    for name in COMMANDS:
+        status, out, _ = run(capsys, name, "-h")
+        assert status == 0
+        assert "\\b" not in out, name
+
+
 def test_every_command_is_in_a_group() -> None:
     package = Path(main.__code__.co_filename).parent
     written = {

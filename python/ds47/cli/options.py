@@ -121,13 +121,12 @@ expect_option = click.option(
 )
 
 
-def tell_empty(paths: Sequence[str]) -> None:
-    """Says which captures lack what --require asks for."""
+def tell_empty(paths: Sequence[str], lacking: str) -> None:
+    """Says which captures lack something."""
     from ds47.capture.names import about
-    from ds47.report import NO_TRANSACTION
 
     for path in paths:
-        fail(about(path, NO_TRANSACTION))
+        fail(about(path, lacking))
 
 
 def heading_options(function: Function) -> Function:
