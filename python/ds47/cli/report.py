@@ -190,9 +190,9 @@ def command(
     """Report the DS47 transactions of captures.
 
     What failed and why, what got no response or was not saved, telegram and times of each drive.
-    PATH is a pcap or pcapng file (also .gz and .zst), a folder, which is searched for captures
-    with all that is below it, a URL of either (s3://...), or - for stdin. Texts count as captures, too: hex dumps
-    of packets (tshark -x, tcpdump -xx), and logs of PROFIBUS.
+    PATH is a pcap or pcapng file (also .gz and .zst), a folder with everything below it, a URL of
+    either (s3://...), or - for stdin. Hex dumps of packets (tshark -x, tcpdump -xx) and logs of
+    PROFIBUS are captures, too.
     """
     collect_rarely()
     asked = {name: options.pop(name) for name in CRITERIA}
