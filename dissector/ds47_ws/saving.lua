@@ -57,7 +57,7 @@ function M.write(path, text)
   local size = there and there:seek("end") -- a pipe cannot be asked
   if size and there:seek("set") and holds_capture(there) then
     there:close()
-    return nil, path .. ": a capture or a packed file, which is not written over: choose another name"
+    return nil, path .. ": a capture or a packed file is not overwritten: choose another name"
   end
   local file, problem = io.open(path, "wb")
   if there then there:close() end

@@ -10,6 +10,7 @@ from pathlib import Path
 import handmade
 import pytest
 
+from browser import DESKTOP, PHONE
 from ds47.analysis import analyze
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
@@ -242,6 +243,35 @@ def test_light_and_dark(browser, tour):
     assert browser.one("[data-theme-button]").get_attribute("aria-label") == "Theme: light"
     browser.click("[data-theme-button]")
     assert browser.run(background) == dark != light
+
+
+CONTRAST = r"""
+const numbers = (text) => text.match(/[\d.]+/g).map(Number);
+const over = (front, back) => back.map((each, n) => front[n] * (front[3] ?? 1) + each * (1 - (front[3] ?? 1)));
+const light = (color) => color.map((each) => each / 255)
+  .map((each) => (each <= 0.03928 ? each / 12.92 : ((each + 0.055) / 1.055) ** 2.4))
+  .reduce((sum, each, n) => sum + each * [0.2126, 0.7152, 0.0722][n], 0);
+const behind = (element) => element
+  ? over(numbers(getComputedStyle(element).backgroundColor), behind(element.parentElement))
+  : [255, 255, 255];
+return [...document.querySelectorAll("body *:not(svg *, script, style, .sign)")]
+  .filter((each) => each.offsetWidth)
+  .filter((each) => [...each.childNodes].some((node) => node.nodeType === 3 && node.data.trim()))
+  .map((each) => {
+    const back = behind(each);
+    const front = over(numbers(getComputedStyle(each).color), back);
+    const [less, more] = [back, front].map(light).sort((a, b) => a - b);
+    return [(more + 0.05) / (less + 0.05), each.outerHTML.slice(0, 80)];
+  }).filter(([contrast]) => contrast < 4.5);
+"""
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE])
+def test_every_text_stands_out_from_what_is_behind_it(browser, tour, size, dark):
+    browser.look(size, dark=dark, touch=size == PHONE)
+    browser.open(tour)
+    assert browser.run(CONTRAST) == []
 
 
 def test_a_filter_is_copied(browser, tour):

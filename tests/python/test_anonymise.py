@@ -453,7 +453,7 @@ def test_a_thing_that_is_no_key_file(tmp_path: Path) -> None:
     path = tmp_path / "key.json"
     for text in ("", "[]", "{}", '{"schema": "other"}', '{"schema": "ds47.key/1", "mac": 3}'):
         path.write_text(text)
-        with pytest.raises(KeyFileError, match="no key file"):
+        with pytest.raises(KeyFileError, match="not a key file"):
             Replacements.load(path)
 
 
@@ -483,7 +483,7 @@ def test_a_key_file_that_somebody_changed(
     path.write_text(json.dumps(document))
     with pytest.raises(KeyFileError) as problem:
         Replacements.load(path)
-    text = f"{path}: {new!r} cannot stand for the {kind} {original!r}: this key file was changed"
+    text = f"{path}: {new!r} cannot replace the {kind} {original!r}: this key file was changed"
     assert str(problem.value) == text
 
 
@@ -500,7 +500,7 @@ def test_a_key_file_whose_counts_somebody_changed(tmp_path: Path, part: dict[str
     path = tmp_path / "key.json"
     Replacements().save(path)
     path.write_text(json.dumps(json.loads(path.read_text()) | part))
-    with pytest.raises(KeyFileError, match="no key file"):
+    with pytest.raises(KeyFileError, match="not a key file"):
         Replacements.load(path)
 
 

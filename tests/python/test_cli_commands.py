@@ -261,7 +261,7 @@ def test_no_report_takes_the_place_of_a_capture(capsys, monkeypatch, folder, pac
     status, out, err = run(capsys, *arguments)
     assert (status, out) == (2, "")
     assert err.startswith(
-        "ds47: error: evidence is a capture, which is not written over: choose another"
+        "ds47: error: evidence is a capture and is not overwritten: choose another"
     )
     assert len(err.splitlines()) == 1
     assert Path("evidence").read_bytes() == before
@@ -391,7 +391,7 @@ def test_findings_are_chosen_by_the_name_that_reports_print(capsys, captures):
 def test_decode_guesses_and_says_so(capsys, text):
     status, out, err = run(capsys, "decode", text)
     assert status == 0
-    assert "taken for a request" in err
+    assert "guessed to be a request" in err
     assert "p50303[0]" in out
     assert "     4  10 01 c4 7f 00 00" in out
 
@@ -560,7 +560,7 @@ def test_encode_takes_the_type_of_a_parameter_that_it_knows(capsys):
     assert (status, out) == (0, "01 02 01 01 10 01 0b 54 00 00 08 01 41 20 00 00\n")
     assert err == (
         "ds47: p2900 is sent as Float32: Fixed value 1, as on SINAMICS\n"
-        "ds47: DO 1, because the line names none; axis N in the line names another\n"
+        "ds47: DO 1, because the line names none; DO N in the line names another\n"
     )
     _, out, err = run(capsys, "encode", "change axis 2 P0922=1 p2900=REAL:2.0", "--lang", "zh")
     assert out.startswith("01 02 02 02 10 01 03 9a ")

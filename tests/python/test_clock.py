@@ -115,7 +115,7 @@ def test_a_zone_that_nobody_knows_is_one_clear_line(
 ) -> None:
     assert main(["report", "--tz", name, str(captures / "tour-machine.pcapng")]) == 2
     told = capsys.readouterr().err
-    assert f"--tz {name!r} is no time zone that this machine knows" in told
+    assert f"--tz {name!r} is not a time zone known here" in told
     assert "Traceback" not in told
 
 

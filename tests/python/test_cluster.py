@@ -534,7 +534,7 @@ def test_stored_results_stand_in_folders(
     monkeypatch.chdir(tmp_path)
     assert main([command, memory]) == 2
     shown = capsys.readouterr()
-    assert f"{memory}: stored results stand beside captures in a folder" in shown.err
+    assert f"{memory}: stored results are beside captures in a folder" in shown.err
     assert shown.out == ""
     assert not list(tmp_path.iterdir())
 

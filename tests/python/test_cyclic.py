@@ -167,8 +167,8 @@ def test_a_line_is_a_request(line: str, data: str) -> None:
 @pytest.mark.parametrize(
     ("line", "complaint"),
     [
-        ("pkw", "behind pkw comes read, count or change"),
-        ("pkw erase p1", "behind pkw comes read, count or change"),
+        ("pkw", "after pkw comes read, count or change"),
+        ("pkw erase p1", "after pkw comes read, count or change"),
         ("pkw read", "no parameter given"),
         ("pkw read p1 p2", "one parameter at a time"),
         ("pkw read p1[0..3]", "PKW carries one value"),

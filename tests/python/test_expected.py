@@ -133,7 +133,7 @@ def test_a_list_in_a_workbook(tmp_path):
     assert (result.expected.seen, result.expected.wrong) == (2, 1)
     book.active["C3"] = "ramp"
     book.save(path)
-    with pytest.raises(ListError, match=r"golden\.xlsx, line 3: 'ramp' is no parameter"):
+    with pytest.raises(ListError, match=r"golden\.xlsx, line 3: 'ramp' is not a parameter"):
         read(path)
 
 
@@ -153,8 +153,8 @@ def test_the_name_of_the_station_counts_more_than_the_address(tmp_path):
     [
         ("p50304 = ]", "toml", r"golden.toml: no TOML: .*line 1.*\. Try: p1120 = 4.5"),
         ("", "toml", r"golden.toml: no parameter has a value in it\. Try: "),
-        ("# one\n[do.2]\nramp = 4\n", "toml", r"line 3: 'ramp' is no parameter\. Try: p1120"),
-        ("[do.two]\np1 = 4\n", "toml", r"line 1: 'two' is no number of a drive object\. Try: 3"),
+        ("# one\n[do.2]\nramp = 4\n", "toml", r"line 3: 'ramp' is not a parameter\. Try: p1120"),
+        ("[do.two]\np1 = 4\n", "toml", r"line 1: 'two' is not the number of a drive object\. Try: 3"),
         ("do = 4\n", "toml", r"line 1: write it as a table\. Try: \[do\.3\]"),
         ("drive = 4\n", "toml", r'line 1: write it as a table\. Try: \[drive\."press-1"\]'),
         ("p1 = 1\np2 = { value = 1, plus = 2 }\n", "toml", r"line 2: p2 has no key 'plus'; known are"),
@@ -168,12 +168,12 @@ def test_the_name_of_the_station_counts_more_than_the_address(tmp_path):
         ("p2 = nan\n", "toml", r"p2 is nan, neither a number nor a text\. Try: "),
         ("p2 = [1, 2]\n", "toml", r"p2 is \[1, 2\], neither a number nor a text\. Try: "),
         ("p1120 = 1\n\nP1120 = 2\n", "toml", r"line 3: p1120 is 2, but 1 in line 1\. Try: one of them"),
-        ('"p2[3..1]" = 1\n', "toml", r"line 1: 'p2\[3\.\.1\]' is no parameter"),
+        ('"p2[3..1]" = 1\n', "toml", r"line 1: 'p2\[3\.\.1\]' is not a parameter"),
         ("a,b\n1,2\n", "csv", r"line 1: no headings that are known \(a, b\)\. Try: drive,"),
-        ("\nparameter,value\np1,1\nq1,2\n", "csv", r"line 4: 'q1' is no parameter\. Try: "),
+        ("\nparameter,value\np1,1\nq1,2\n", "csv", r"line 4: 'q1' is not a parameter\. Try: "),
         ("parameter,value\np1,1\np2,\n", "csv", r"line 3: p2 has no value\. Try: "),
-        ("parameter,index,value\np1,x,1\n", "csv", r"line 2: 'x' is no index\. Try: 0"),
-        ("parameter,do,value\np1,x,1\n", "csv", r"line 2: 'x' is no number of a drive object"),
+        ("parameter,index,value\np1,x,1\n", "csv", r"line 2: 'x' is not an index\. Try: 0"),
+        ("parameter,do,value\np1,x,1\n", "csv", r"line 2: 'x' is not the number of a drive object"),
         ("parameter,value\np1120,1\np1120,2\n", "csv", r"line 3: p1120 is 2, but 1 in line 2\. Try: one"),
         ("parameter,value\n", "csv", r"golden.csv: no parameter has a value in it\. Try: "),
         ("parameter\n", "ods", r"golden.ods: no list .* ends in \.ods\. Try: \.toml, \.csv or \.xlsx"),
@@ -417,7 +417,9 @@ def test_stored_results_are_of_their_list(tmp_path, worse, capsys):
 def test_a_list_that_is_wrong_at_the_command(tmp_path, capsys):
     path = written(tmp_path, "ramp = 4")
     assert main(["report", "--expect", str(path), str(TOUR)]) == 2
-    assert f"--expect {path}, line 1: 'ramp' is no parameter. Try: p1120" in capsys.readouterr().err
+    assert (
+        f"--expect {path}, line 1: 'ramp' is not a parameter. Try: p1120" in capsys.readouterr().err
+    )
     assert main(["report", "--expect", "nowhere.toml", str(TOUR)]) == 2
     assert "nowhere.toml: No such file" in capsys.readouterr().err
 

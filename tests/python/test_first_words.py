@@ -43,6 +43,13 @@ def test_the_bare_command_is_a_help_on_stdout(
     assert max(map(len, out.splitlines())) <= 80
 
 
+def test_no_help_shows_the_marks_of_its_layout(capsys: Captured) -> None:
+    for name in COMMANDS:
+        status, out, _ = run(capsys, name, "-h")
+        assert status == 0
+        assert "\\b" not in out, name
+
+
 def test_every_command_is_in_a_group() -> None:
     package = Path(main.__code__.co_filename).parent
     written = {
@@ -59,7 +66,7 @@ def test_every_command_is_in_a_group() -> None:
         (["report"], "Missing argument 'PATH...'. Try: ds47 report -h"),
         (
             ["report", "-r", "drive-eror", "a.pcap"],
-            "no rule begins with 'drive-eror' or is named so. Did you mean: drive-error?",
+            "no rule has the number or name 'drive-eror'. Did you mean: drive-error?",
         ),
         (["report", "--select", "xyz", "a.pcap"], "Try: ds47 rules"),
         (["decode", ""], "the message: no bytes. Try: ds47 decode 01"),
@@ -309,10 +316,10 @@ def test_the_name_of_a_file_says_its_format(
 
 def test_a_verdict_of_a_part_says_so(capsys: Captured, captures: Path) -> None:
     _, out, _ = run(capsys, "report", "-t", "6", captures / "tour-machine.pcapng")
-    assert out.splitlines()[1].startswith("NOT OK, of what is shown: p50076 cannot be changed now")
+    assert out.splitlines()[1].startswith("NOT OK, in the part shown: p50076 cannot be changed now")
     assert "only transaction" not in out
     _, out, _ = run(capsys, "report", "-r", "DS721", captures / "tour-machine.pcapng")
-    assert out.splitlines()[1] == "OK, of what is shown: no parameter transaction"
+    assert out.splitlines()[1] == "OK, in the part shown: no parameter transaction"
 
 
 @pytest.mark.parametrize(

@@ -261,7 +261,7 @@ def test_a_damaged_dump_keeps_what_could_be_read(
     ],
 )
 def test_what_is_no_dump_of_frames_is_refused(text: str) -> None:
-    with pytest.raises(CaptureError, match="it is a text, and no hex dump of frames"):
+    with pytest.raises(CaptureError, match="it is text, but not a hex dump of frames"):
         open_capture(io.BytesIO(text.encode()))
 
 

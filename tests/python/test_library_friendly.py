@@ -237,7 +237,7 @@ def test_many_that_there_cannot_be(captures: Path, tmp_path: Path) -> None:
         ds47.analyze_many(tmp_path)
     with pytest.raises(TypeError, match="no choice 'selects': indices, slow_ms"):
         ds47.analyze_many(captures, selects="DS4")  # type: ignore[call-arg]
-    with pytest.raises(ValueError, match="no rule begins with 'DS99x'"):
+    with pytest.raises(ValueError, match="no rule has the number or name 'DS99x'"):
         ds47.analyze_many(captures, select="DS99x")
     with pytest.raises(ValueError, match="the engine tshark takes one job, not 2"):
         ds47.analyze_many(captures, engine="tshark", jobs=2)
@@ -252,7 +252,7 @@ def test_frames_that_a_program_has(captures: Path) -> None:
     whole = ds47.analyze(path).to_dict()["captures"][0]
     (told,) = result.to_dict()["captures"]
     assert told | {"path": ""} == whole | {"path": ""}
-    with pytest.raises(ValueError, match="'noon' is no time of a frame"):
+    with pytest.raises(ValueError, match="'noon' is not the time of a frame"):
         ds47.analyze_frames([("noon", b"")])
     near = ds47.analyze_frames([(1767254400.255, b"")]).start_time  # as near as a float has it
     assert near is not None

@@ -99,7 +99,7 @@ def test_what_cannot_be_watched(tour: Path, tmp_path: Path) -> None:
         ds47.watch(tour, interfaces="eth0")
     with pytest.raises(ValueError, match="go with interfaces"):
         ds47.watch(tour, duration=3)
-    with pytest.raises(ValueError, match="no rule begins with 'DS99x'"):
+    with pytest.raises(ValueError, match="no rule has the number or name 'DS99x'"):
         ds47.watch(tour, select="DS99x")
     with pytest.raises(ds47.CaptureError, match="cannot be opened: No such file"):
         next(ds47.watch(tmp_path / "none"))

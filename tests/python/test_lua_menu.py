@@ -39,7 +39,7 @@ def test_a_report_takes_a_name_that_is_free(lua: str, tmp_path: Path) -> None:
         assert str(tmp_path / place) in told
         if place == "no":
             assert next(lines).startswith("Not saved: ")
-    assert next(lines).endswith("which is not written over: choose another name")
+    assert next(lines).endswith("is not overwritten: choose another name")
     assert next(lines).split() == ["true", "true"]
     assert next(lines).split() == ["true", "false"]
     assert next(lines, None) is None

@@ -233,7 +233,7 @@ def test_a_time_that_is_none_is_said_to_be(capsys, captures, text):
     status, _, said = run(capsys, "--from", text, captures / "tour-machine.pcapng")
     assert status == 2
     assert (
-        "is no time: 08:15:00, 2026-01-01T08:00:00.5, or seconds as 12.5" in said
+        "is not a time: 08:15:00, 2026-01-01T08:00:00.5, or seconds as 12.5" in said
         or "No such option" in said
     )
 
@@ -362,4 +362,4 @@ def test_the_zone_may_stand_in_the_toml_beside_the_captures(capsys, captures, tm
     (tmp_path / "two" / "ds47.toml").write_text('[report]\ntz = "Nowhere/At_All"\n', "utf-8")
     status, _, said = run(capsys, tmp_path / "two" / "one.pcapng")
     assert status == 3
-    assert "[report] tz: 'Nowhere/At_All' is no time zone that this machine knows" in said
+    assert "[report] tz: 'Nowhere/At_All' is not a time zone known here" in said

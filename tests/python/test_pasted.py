@@ -116,8 +116,8 @@ def test_what_is_hexadecimal_is_no_list(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[1, 300]", "'300' in a list of decimal numbers is no byte: .* 16#012C"),
-        ("[1, -200]", "'-200' in a list of decimal numbers is no byte: .* 16#FF38"),
+        ("[1, 300]", "'300' in a list of decimal numbers is not a byte: .* 16#012C"),
+        ("[1, -200]", "'-200' in a list of decimal numbers is not a byte: .* 16#FF38"),
         ("1 1 1 1 16 1 11 84 0 0", "'1' is a number of one digit, .*: write commas"),
         ("0000 1 1 1 1\n0004 16 1 11 84", "'1' is a number of one digit"),
         ("0040   01 02 02 01", "'0040' in front may be an offset or data: leave an offset out"),
@@ -197,7 +197,7 @@ def test_a_dump_may_be_copied_from_its_first_byte_on(behind: str) -> None:
     first, second = PAIRS, PAIRS[:23]
     text = f"{first}{behind}\n0010   {second}{behind and '   .......T'}\n"
     assert read(text).data == CHANGE + CHANGE[:8]
-    with pytest.raises(ValueError, match="does not count"):
+    with pytest.raises(ValueError, match="do not count"):
         read(f"{first}{behind}\n0011   {second}")
 
 

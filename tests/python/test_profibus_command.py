@@ -73,7 +73,10 @@ def test_a_configuration_says_the_ppo_and_what_may_come_apart(capsys: Capture) -
     assert "4 words in+out, consistent over whole length (PKW)" in out
     assert out.endswith("PPO1: 12 bytes to the slave, 12 from it\n")
     out = decoded(capsys, "6807076883827d3e3e73f16216")
-    assert "PKW is not consistent over its whole length: its four words may come apart" in out
+    assert (
+        "PKW is not consistent over its whole length: its four words may come from different cycles"
+        in out
+    )
     assert "PKW 未按全长一致" in decoded(capsys, "--lang", "zh", "6807076883827d3e3e73f16216")
 
 

@@ -119,7 +119,7 @@ def test_a_known_finding_may_stand_by_its_name(tmp_path):
         ('[[mask]]\npnu = "1"\nreason = "x"', "pnu: '1' is not a whole number"),
         ('[[mask]]\npnu = 1\nreason = ""', "reason: '' is not a text"),
         ('[mask]\npnu = 1\nreason = "x"', "write each as a table of its own, [[mask]]"),
-        ('[[ignore]]\nrule = "DX1"\nreason = "x"', "no rule begins with 'DX1'"),
+        ('[[ignore]]\nrule = "DX1"\nreason = "x"', "no rule has the number or name 'DX1'"),
         ('[check]\nfail_on = "fatal"', "one of never, note, warning, error"),
         ("[labels]\na = 1", "a label is a text"),
         ("tolerance = 1", "write it as a table, [tolerance]"),

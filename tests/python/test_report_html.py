@@ -332,7 +332,7 @@ def line(*stations: dict[str, int | None], damaged: int = 0) -> Bus:
 @pytest.mark.parametrize(
     ("bus", "level", "text"),
     [
-        (line({}), "good", "10 requests, none of them without an answer"),
+        (line({}), "good", "10 requests, all answered"),
         (line({}, {"unanswered": 4}), "warn", "but 4 of 20 requests have no answer"),
         (line({"unanswered": 10}), "warn", "but 10 of 10 requests have no answer"),
         (line({"unanswered": 10, "parameters": None}), "bad", "Only requests (10)"),

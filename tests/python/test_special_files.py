@@ -121,7 +121,7 @@ def test_results_replace_only_results(
     for words in ([], ["--resume"], ["-j", "2"]):
         status, _, said = run("report", "--results", results, *words, capture)
         assert (status, len(said)) == (2, 1)
-        assert f"{results / name} is no result of ds47 report --results" in said[0]
+        assert f"{results / name} is not a result of ds47 report --results" in said[0]
     assert (results / name).read_text() == text
 
 
@@ -140,7 +140,7 @@ def test_results_behind_a_url_replace_only_results(folder: Path, run: Any) -> No
         assert run("report", "--results", url, *words, capture)[0] == 0
     memory.pipe("/special/r/good.pcapng.json", b"a log")
     status, _, said = run("report", "--results", url, capture)
-    assert (status, f"{url}/good.pcapng.json is no result" in said[0]) == (2, True)
+    assert (status, f"{url}/good.pcapng.json is not a result" in said[0]) == (2, True)
     assert memory.cat("/special/r/good.pcapng.json") == b"a log"
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from ds47.analysis import analyze
 from ds47.cli import main
+from ds47.report import ReportOptions, open_writer, write_one
+from ds47.report.changes import Writer
+from ds47.report.selection import Selection
 from ds47.report.trail import changes
 from ds47.report.wrap import columns
 
@@ -57,3 +62,20 @@ def test_the_head_counts_what_came_of_the_writes(
     ):
         assert main(["trail", *words, path]) == ("-t" in words and "1" in words)
         assert said in capsys.readouterr().out.splitlines()[0]
+
+
+@pytest.mark.parametrize("width", [60, 140])
+def test_a_name_that_is_wider_than_a_line_is_broken(captures: Path, width: int) -> None:
+    result = analyze(captures / "tour-machine.pcapng")
+    named = [replace(each, station="n" * 240) for each in result.devices]
+    result.devices[:] = named
+    options = ReportOptions(width=width)
+    trail, report = io.StringIO(), io.StringIO()
+    changed = Writer(trail, "text", options)
+    changed.capture(result, Selection())
+    changed.close()
+    write_one(open_writer("text", report, options), result)
+    for written in (trail, report):
+        text = written.getvalue()
+        assert max(map(columns, text.splitlines()[1:])) <= width
+        assert text.count("n" * (width // 2)) >= 240 // width

@@ -109,7 +109,7 @@ def test_the_briefs_of_keys_are_there_in_both_languages() -> None:
 
 
 def test_an_empty_capture_is_an_answer(unplugged: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["report", "--fail-on", "note", str(unplugged)]) == 0
+    assert main(["report", str(unplugged)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == (
         "EMPTY: 20 frames, none of PROFINET, PROFIBUS or S7 (TCP 18, ARP 1, Modbus TCP 1)"
@@ -158,6 +158,20 @@ def test_what_is_required_and_missing_is_no_success(
         assert problem == f"ds47: error: {unplugged}: no transaction in it (--require transactions)"
     full = captures / "seed-g120-read.pcapng"
     assert main([command, "--require", "transactions", str(full)]) == 0
+
+
+def test_no_finding_is_no_success_where_nothing_was_captured(
+    captures: Path, unplugged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stored = ["--results", str(tmp_path / "results")]
+    for more in ([], stored, [*stored, "--resume"]):
+        assert main(["report", "--fail-on", "error", *more, str(unplugged)]) == 1
+        problem = capsys.readouterr().err.splitlines()[-1]
+        assert problem == f"ds47: error: {unplugged}: nothing of PROFINET, PROFIBUS or S7 in it"
+    assert main(["report", "-f", "junit", str(unplugged)]) == 0
+    assert 'errors="1"' in capsys.readouterr().out
+    cyclic = captures / "profibus-ppo1-start.pcapng"
+    assert main(["report", "--fail-on", "error", str(cyclic)]) == 0
 
 
 def test_no_report_for_ci_is_green_where_the_port_is_unplugged(

@@ -1,7 +1,7 @@
 """Text fits the terminal: no line of any command is wider than 60, 80 or 140 columns, in English or in Chinese.
 
-Wider is only what a user copies as it stands, and a word that is wider itself, such as a path: breaking it would
-spoil it. The terminal is `COLUMNS` and a stream that says it is one; elsewhere tables are as wide as they are.
+Wider is only what a user copies as a whole, and a path that is wider itself: breaking it would spoil it. The
+terminal is `COLUMNS` and a stream that says it is one; elsewhere tables are as wide as they are.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ WIDTHS = (60, 80, 140)
 LANGS = ("en", "zh")
 KINDS = [(60, "en"), (60, "zh"), (80, "en"), (140, "zh")]
 COPIED = re.compile(
-    r"[#\"]?\w+\"?(\.\w+)?\[\d+\] := "  # SCL
-    r"|.*\w (==|in) [{0-9\"]"  # a display filter
+    r".*\w (==|in) [{0-9\"]"  # a display filter
     r"|(--cyclic \S+ ?)+$"
     r"|.*[0-9a-f]{20,}$"  # the bytes of a request
     r"|ds47 encode "  # the command that makes them

@@ -118,7 +118,7 @@ class Cluster(TaskWindow[Any]):
         except CaptureError as problem:
             return problem
         except self._distributed.KilledWorker:
-            return CaptureError("every worker that analysed it was lost; is there enough memory?")
+            return CaptureError("every worker that analysed it was lost: is there enough memory?")
         except self._distributed.CancelledError as problem:  # its result went with its worker
             with self._connected():
                 if self._client.status != "running":

@@ -261,7 +261,7 @@ class Results:
                 head
             ):  # a disk that failed leaves nothing
                 raise NotOursError(
-                    f"{name} is no result of ds47 report --results and is not written over: "
+                    f"{name} is not a result of ds47 report --results and is not overwritten: "
                     "move it, or choose another folder"
                 )
 

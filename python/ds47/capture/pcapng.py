@@ -213,7 +213,7 @@ class PcapngReader(Walk):
     def _on_section(self, body: bytes) -> None:
         (major,) = struct.unpack_from(self._sign + "H", body, 4)
         if major != 1:
-            raise _BrokenBlockError(f"the section has version {major}, known is 1")
+            raise _BrokenBlockError(f"the section has version {major}, only 1 is known")
         self._lost_before = self.dropped
         self._lost = {}
         self._interfaces = []

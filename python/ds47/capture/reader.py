@@ -155,10 +155,10 @@ def _not_a_capture(head: bytes, broken: str | None) -> str:
     if kind is None:
         kind = f"it begins with {head.hex(' ')}"
         if head.isascii() and head.decode().isprintable():
-            kind = "it is a text, and no hex dump of frames or log of PROFIBUS"
+            kind = "it is text, but not a hex dump of frames or a log of PROFIBUS"
     return (
         f"not a capture: {kind}. Try: pcap or pcapng (.gz, .zst), "
-        "a hex dump of their frames, or a recording with frames of PROFIBUS"
+        "a hex dump of frames, or a recording of PROFIBUS"
     )
 
 

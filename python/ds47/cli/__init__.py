@@ -37,7 +37,7 @@ GROUPS = {
         "report": "What happened: causes, transactions, values",
         "trail": "Who changed which parameter, from what to what",
         "watch": "The same while it happens",
-        "export": "The frames of what went wrong as a capture, anonymised if wanted",
+        "export": "The frames of what went wrong as a capture, anonymised on request",
     },
     "Compare": {
         "diff": "Two captures: what changed between them",
@@ -56,7 +56,7 @@ GROUPS = {
         "demo": "A capture with faults, its report and its page",
         "plugin": "Install and check the Wireshark plugin",
         "lab": "Make captures of faults",
-        "completion": "Let the shell complete commands and options",
+        "completion": "Complete commands and options in the shell",
     },
 }
 """Each is a module of this package with a click command named `command`; with what it shows, in a few words."""

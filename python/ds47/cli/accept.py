@@ -71,7 +71,7 @@ def command(
 ) -> int:
     """Accept changes into the stored results of captures.
 
-    Lists what it will change and asks; changes that --where or --by-version leave out remain changes.
+    Lists the changes and asks first. Changes that --where or --by-version leave out remain.
     """
     from ds47.regression.accept import WhereError, parse_where
     from ds47.report.bilingual import say

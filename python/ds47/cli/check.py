@@ -69,7 +69,7 @@ _MARGIN = 8
 @expect_option
 @click.option("--junit", metavar="FILE", help="Write JUnit XML too, one test per capture.")
 @click.option("--sarif", metavar="FILE", help="Write SARIF 2.1.0 too.")
-@click.option("--summary", is_flag=True, help="Totals by label, and what the captures exercise.")
+@click.option("--summary", is_flag=True, help="Totals by label, and what the captures cover.")
 @click.option(
     "--all", "show_all", is_flag=True, help=f"Print more than {_SHOWN} changes of a capture."
 )

@@ -82,7 +82,7 @@ pkw_layout_option = click.option(
     type=click.Choice(["cyclic", "uss"]),
     default="cyclic",
     show_default=True,
-    help="Where IND of PKW has the page: in its low byte, or in the high one (USS; Delta).",
+    help="Byte of IND that has the page: cyclic (low) or uss (high; also Delta).",
 )
 
 

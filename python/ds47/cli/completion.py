@@ -1,4 +1,4 @@
-"""`ds47 completion`: what makes a shell complete commands, options and their values. click writes it."""
+"""`ds47 completion`: the script that completes commands, options and their values in a shell. click writes it."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ import click
 from ds47.cli.common import stdout
 
 SHELLS = ("bash", "zsh", "fish")
+HELP = """Print the script that completes ds47 in a shell (bash 4.4 or later, zsh, fish).
+
+\b
+  bash: echo 'eval "$(ds47 completion bash)"' >> ~/.bashrc
+  zsh:  echo 'eval "$(ds47 completion zsh)"' >> ~/.zshrc
+  fish: ds47 completion fish > ~/.config/fish/completions/ds47.fish
+"""
 
 
-@click.command("completion")
+@click.command("completion", help=HELP)
 @click.argument("shell", type=click.Choice(SHELLS))
 def command(shell: str) -> None:
-    r"""Print what makes a shell complete ds47 (bash 4.4 or later, zsh, fish).
-
-    \b
-    bash: echo 'eval "$(ds47 completion bash)"' >> ~/.bashrc
-    zsh:  echo 'eval "$(ds47 completion zsh)"' >> ~/.zshrc
-    fish: ds47 completion fish > ~/.config/fish/completions/ds47.fish
-    """
+    """See `HELP`."""
     from click.shell_completion import get_completion_class
 
     from ds47.cli import group

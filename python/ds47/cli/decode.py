@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     "--as",
     "kind",
     type=click.Choice(["request", "response", *CYCLIC, PROFIBUS, S7]),
-    help="Default: a guess between request and response of DS47; it says so.",
+    help="Kind of message.  [default: request or response, guessed]",
 )
 @click.option("--request", "request_hex", metavar="HEX", help="The request that it answers.")
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
-@click.option("--vendor", metavar="NAME|ID", help="Whose device: SINAMICS, ABB, 0x002A.")
+@click.option("--vendor", metavar="NAME|ID", help="Vendor of the device: SINAMICS, ABB, 0x002A.")
 @click.option(
     "--pkw-layout",
     type=click.Choice(["cyclic", "uss", *maker_layouts()]),
@@ -71,18 +71,18 @@ def command(
 ) -> None:
     """Decode one message, given in hex (stdin without an argument).
 
-    Spacing does not matter; "16#0101 16#0102" (words of a PLC watch table) and "0x01, 0x02" are
-    read too, and so are hex dumps with their offsets and lists of decimal numbers. With --request each
-    value of a response gets its parameter number.
+    Spacing does not matter. Words of a PLC watch table ("16#0101 16#0102"), "0x01, 0x02", hex dumps
+    with offsets and lists of decimal numbers work, too. With --request each value of a response gets
+    its parameter number.
 
-    The words of an error number from 101 (0x65) on are those of the maker: --vendor says whose they are.
+    Error numbers from 101 (0x65) on depend on the vendor: give --vendor.
 
     Words of cyclic frames: --as pkw and pkw-answer take 8 bytes, stw1 and zsw1 a word with or without
     its setpoint or actual value, ppo1-out and ppo1-in 12 bytes.
 
-    --as profibus takes frames of PROFIBUS DP, from start byte to end byte, one or several.
+    --as profibus takes one or more frames of PROFIBUS DP, each from start byte to end byte.
 
-    --as s7 takes a PDU of S7, from its TPKT (03 00) or from its first byte (32) on.
+    --as s7 takes a PDU of S7 that starts with its TPKT (03 00) or with its first byte (32).
     """
     if request_hex is not None and kind in (*CYCLIC, PROFIBUS, S7):
         raise click.UsageError(

@@ -23,14 +23,14 @@ _PACKED, _CHECKOUT = files("ds47") / NAME, Path(__file__).resolve().parents[3] /
 @click.command("demo")
 @click.option(
     "-o", "--output", "folder", metavar="FOLDER", type=click.Path(file_okay=False, path_type=Path),
-    help="Where capture and page go; else a new temporary folder.",
+    help="Folder for capture and page.  [default: a temporary one]",
 )  # fmt: skip
 @click.option("--no-browser", is_flag=True, help="Do not open the page.")
 @lang_option
 def command(folder: Path | None, no_browser: bool, lang: str) -> int:
-    """Show a small capture in which much goes wrong: its report here, and as a page in the browser.
+    """Show a small capture with many faults: its report here, and as a page in the browser.
 
-    Nothing is installed, and the network is not used.
+    It installs nothing and uses no network.
     """
     from ds47.cli import main
 

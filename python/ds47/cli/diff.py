@@ -52,8 +52,8 @@ def command(
     """Show what differs between A and B: values, negative responses, states, findings, latency.
 
     A and B are captures, stored results (NAME.ds47.json), or reports (-f json) of one capture. With
-    --series also the folder of a ring buffer. Where one of them is a table of last values (the CSV of
-    `ds47 report -f parameters`), last values are compared, and nothing else.
+    --series also the folder of a ring buffer. If one is a table of last values (the CSV of
+    `ds47 report -f parameters`), only last values are compared.
     """
     from ds47.regression.difference_report import write
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 HELP = """Print the bytes of a request.
 
-It is a readable line like these, from stdin without an argument:
+The request is a line like these, from stdin without an argument:
 
 \b
   read ref 3 axis 2 p50303[0]
@@ -38,11 +38,11 @@ It is a readable line like these, from stdin without an argument:
   change ref 2 axis 2 p50304=Float32:100.0
   change axis 2 p2900[0..1]=REAL:10.0,5.0
 
-A read without an index asks for 0 elements, which is right for a parameter that is no array; [0] asks
-for one element, [0..7] and [0]*8 for eight. A change has as many elements as values.
+A read without an index asks for 0 elements, which is right for a parameter that is not an array. [0]
+asks for one element, [0..7] and [0]*8 for eight. A change has as many elements as values.
 
-A value has its format in front: Float32, Integer16, Unsigned32, Word, VisibleString and so on, or what
-a PLC calls it: REAL, INT, UDINT, WORD. It may be left out where ds47 knows the parameter: p2900=10.0.
+The format comes before the value: Float32, Integer16, Unsigned32, Word, VisibleString and so on, or the
+PLC type: REAL, INT, UDINT, WORD. Leave it out if ds47 knows the parameter: p2900=10.0.
 Whole numbers may be 16#0A, 2#1010 or 0x0A. The decimal sign is a point: a comma separates values.
 
 The eight bytes of a PKW request, for the cyclic channel:
@@ -70,9 +70,7 @@ The eight bytes of a PKW request, for the cyclic channel:
     "scl-fb",
     about="Hex bytes, 16# words as a watch table shows them, SCL assignments, or a function block in SCL.",
 )
-@click.option(
-    "--eeprom", is_flag=True, help="A change by PKW that outlives the supply (AK 11 to 14)."
-)
+@click.option("--eeprom", is_flag=True, help="Change by PKW that survives power-off (AK 11 to 14).")
 @pkw_layout_option
 @lang_option
 def command(

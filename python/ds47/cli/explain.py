@@ -40,19 +40,18 @@ _FOUND = 10
     ),
 )
 @click.argument("code", nargs=-1, required=True)
-@click.option("--vendor", metavar="NAME|ID", help="Whose device: SINAMICS, ABB, 0x002A.")
+@click.option("--vendor", metavar="NAME|ID", help="Vendor of the device: SINAMICS, ABB, 0x002A.")
 @lang_option
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
 def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str) -> None:
     """Explain a status or code: DE80B500, 16#80B5, 00700200, 0x6B, 107, 82, DS410, REAL, p2900, F07900.
 
-    Where a number means several things a word in front picks one, as in error 82: error, response, request,
+    If a number has several meanings, put a word in front, as in error 82: error, response, request,
     attribute, format, index, status, parameter, fault, alarm, telegram, stw1, zsw1, cu_stw1, cu_zsw1,
     e_stw1, e_zsw1, pkw, SFC14, SFC58, s7.
-    So does a block, with or without its output: GET 2, SINA_PARA DiagId 80B5, SINA_POS 8402.
-    Several codes are explained one after the other.
-    A format may be given by its name, or by that of the type in a PLC: Float32, REAL.
-    A word that is no code lists parameters that have it in their names.
+    Or put a block in front, with or without its output: GET 2, SINA_PARA DiagId 80B5, SINA_POS 8402.
+    A format has its own name or that of the PLC type: Float32, REAL.
+    Any other word lists the parameters whose names contain it.
     """
     for word in code:
         if word.startswith("-") and not word[1:].isdigit():

@@ -77,9 +77,7 @@ _FILTER_SHOWN = 100
     default=None,
     help="Replace all values of parameters too, or keep them (default).",
 )
-@click.option(
-    "--key", "key_name", metavar="FILE", help="The key file; an existing one is used and extended."
-)
+@click.option("--key", "key_name", metavar="FILE", help="Key file; an existing one is extended.")
 @click.option(
     "--filters", is_flag=True, help="Print the display filter for the original, even a long one."
 )
@@ -108,10 +106,9 @@ def command(
 ) -> int:
     """Write the frames of transactions, findings, a device or a time span as pcapng.
 
-    All criteria must apply; if one is given several times, one of its values is enough. Without
-    any, every frame is written that the analysis understands. Each frame gets a comment that
-    says what it is and what is wrong, which Wireshark shows. A display filter for the original
-    is printed, if it is short.
+    All criteria must apply; of a criterion given several times, one value is enough. Without
+    any, every frame is written that the analysis understands. Wireshark shows a comment on each
+    frame: what it is and what is wrong. A short display filter for the original is printed.
     """
     if not anonymise and (everything is not None or key_name):
         raise click.UsageError("--key, --keep-values and --anonymise-values need --anonymise")
@@ -172,7 +169,7 @@ def _examples(
 
     folder = Path(output_name or ".")
     if not folder.is_dir():
-        raise click.UsageError(f"-o {folder}: the examples go into a folder, and this is none")
+        raise click.UsageError(f"-o {folder}: the examples go into a folder, and this is not one")
     misses, written = Misses(), 0
     found = tasks(paths, series, misses)
     targets = _ExampleTargets(found, force)
@@ -357,7 +354,7 @@ class _Run:
             frames = count(len(done.left_out), "frame")
             warn(f"{name}: {frames} left out, of other protocols or of messages that are not whole")
         for frame, text in done.leaks:
-            warn(f"{name}: frame {frame} left out, {text!r} still stands in it")
+            warn(f"{name}: frame {frame} left out, {text!r} is still in it")
 
 
 def _filters(done: ExportOutcome, lang: str, *, whole: bool) -> Iterator[str]:

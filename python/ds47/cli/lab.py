@@ -46,7 +46,7 @@ def write(folder: Path, names: Sequence[str], log: bool) -> None:
         if name not in known:
             raise click.UsageError(f"no scenario {name!r}; ds47 lab list shows them")
         if log and name not in of_bus:
-            raise click.UsageError(f"--log writes scenarios of PROFIBUS; {name!r} is none")
+            raise click.UsageError(f"--log writes scenarios of PROFIBUS; {name!r} is not one")
     folder.mkdir(parents=True, exist_ok=True)
     stream = stdout()
     for name in names or sorted(of_bus if log else known):

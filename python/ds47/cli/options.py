@@ -121,13 +121,12 @@ expect_option = click.option(
 )
 
 
-def tell_empty(paths: Sequence[str]) -> None:
-    """Says which captures lack what --require asks for."""
+def tell_empty(paths: Sequence[str], lacking: str) -> None:
+    """Says which captures lack something."""
     from ds47.capture.names import about
-    from ds47.report import NO_TRANSACTION
 
     for path in paths:
-        fail(about(path, NO_TRANSACTION))
+        fail(about(path, lacking))
 
 
 def heading_options(function: Function) -> Function:
@@ -277,7 +276,7 @@ def options_from(
 
     if slow is not None:
         if not 0 <= slow < math.inf:
-            raise click.UsageError(f"--slow {slow:g} is no limit: milliseconds, 0 or more")
+            raise click.UsageError(f"--slow {slow:g} is not a limit: give milliseconds, 0 or more")
         others["slow_ms"] = slow
     return AnalysisOptions(
         select=known_rules(select),
@@ -395,7 +394,7 @@ def _known_rule(name: str) -> str:
 
         near = get_close_matches(name.lower(), [each.name for each in spec.rules().values()], 1)
         advice = f"Did you mean: {near[0]}?" if near else "Try: ds47 rules"
-        raise click.UsageError(f"no rule begins with {name!r} or is named so. {advice}")
+        raise click.UsageError(f"no rule has the number or name {name!r}. {advice}")
     return found
 
 
@@ -405,7 +404,7 @@ def _index(text: str) -> int:
     except ValueError:
         index = -1
     if not 0 <= index <= 0xFFFF:
-        raise click.UsageError(f"--index {text!r} is no record index: 0..65535, also as 0xB02E")
+        raise click.UsageError(f"--index {text!r} is not a record index: 0..65535, also as 0xB02E")
     return index
 
 

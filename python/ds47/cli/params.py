@@ -48,11 +48,11 @@ def command() -> None:
 @click.argument("path", metavar="FILE", type=click.Path(path_type=Path, dir_okay=False))
 @click.option(
     "--columns", metavar="KEY=HEADING,...",
-    help="Which column has what: number=Param,name=Text,unit=..,type=..,access=..,values=..",
+    help="Columns by their headings: number=Param,name=Text,unit=..,type=..,access=..,values=..",
 )  # fmt: skip
 @click.option("--sheet", metavar="NAME", help="Of a workbook; else its first one.")
 @click.option("--name", metavar="NAME", help="Of the list; else that of the file.")
-@click.option("--vendor", metavar="NAME|ID", help="Whose devices: SINAMICS, ABB, 0x002A.")
+@click.option("--vendor", metavar="NAME|ID", help="Vendor of the devices: SINAMICS, ABB, 0x002A.")
 @click.option(
     "--device-id",
     "device_ids",
@@ -74,8 +74,8 @@ def take(
 ) -> int:
     """Import a list of parameters: CSV, XLSX or TOML.
 
-    docs/parameters.md has their forms. From then on reports name these parameters on such devices. A list
-    of the same name is replaced.
+    Reports name these parameters on such devices from then on. A list of the same name is replaced.
+    The forms of lists: docs/parameters.md.
     """
     from ds47.parameters import lists, store
 
@@ -142,9 +142,9 @@ def _about(
 @lang_option
 @format_option("text", "json")
 def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
-    """Say what is known of a parameter or message: 2900, r0945, F07900.
+    """Look up a parameter or message: 2900, r0945, F07900.
 
-    A word shows those that have it in their name.
+    A word lists the names that contain it.
     """
     from ds47.report import known
 

@@ -171,7 +171,7 @@ def _without_offsets(lines: list[str]) -> list[str]:
         content = row.content()
         if len(rows) > 1:
             raise ValueError(
-                f"{row.front!r} in front of line {number} may be an offset, but what stands in front does not"
+                f"{row.front!r} in front of line {number} may be an offset, but the numbers in front do not"
                 " count the bytes: paste all lines, whole ('*' stands for lines left out), or leave offsets out;"
                 " write data as two digits for each byte"
             )
@@ -230,8 +230,8 @@ def _refuse_words(rows: list[_Row]) -> None:
     ]
     if words:
         raise ValueError(
-            f"{words[0].split()[0]!r} is no byte in hexadecimal, but a word in the byte order of a machine, octal"
-            " or decimal: dump bytes with hexdump -C, xxd or od -tx1"
+            f"{words[0].split()[0]!r} is not a byte in hexadecimal, but a word in the byte order of a machine,"
+            " octal or decimal: dump bytes with hexdump -C, xxd or od -tx1"
         )
 
 
@@ -270,7 +270,7 @@ def _decimal(lines: list[str]) -> bytes | None:
     wrong = next((each for each in numbers if not -0x80 <= int(each) <= 0xFF), None)
     if wrong is not None:
         raise ValueError(
-            f"{wrong!r} in a list of decimal numbers is no byte: write words in hexadecimal, as"
+            f"{wrong!r} in a list of decimal numbers is not a byte: write words in hexadecimal, as"
             f" 16#{int(wrong) & 0xFFFF:04X}"
         )
     return bytes(int(each) & 0xFF for each in numbers)

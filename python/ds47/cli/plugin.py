@@ -29,7 +29,7 @@ _tshark_option = click.option(
     "--tshark",
     metavar="PROGRAM",
     envvar="DS47_TSHARK",
-    help="The tshark to ask; else the one on the PATH or in a usual folder. [env: DS47_TSHARK]",
+    help="The tshark to ask.  [default: on the PATH or in a usual folder] [env: DS47_TSHARK]",
 )
 _folder_option = click.option(
     "--folder",
@@ -47,7 +47,9 @@ def command() -> None:
 @command.command("install")
 @_folder_option
 @click.option("--no-profile", is_flag=True, help="The plugin only, not the profile DS47.")
-@click.option("--force", is_flag=True, help="Replace files that ds47 did not write or you changed.")
+@click.option(
+    "--force", is_flag=True, help="Replace files that are not from ds47, or that you changed."
+)
 @_tshark_option
 def install(folder: Path | None, no_profile: bool, force: bool, tshark: str | None) -> int:
     """Copy the plugin and the profile DS47 into Wireshark's folders."""
@@ -83,7 +85,7 @@ def install(folder: Path | None, no_profile: bool, force: bool, tshark: str | No
 @click.option("--force", is_flag=True, help="Remove the profile even if you changed it.")
 @_tshark_option
 def uninstall(folder: Path | None, force: bool, tshark: str | None) -> int:
-    """Remove what `ds47 plugin install` wrote, and nothing else."""
+    """Remove what `ds47 plugin install` wrote, nothing else."""
     from ds47.wireshark import install as files
 
     shark = _find(tshark, needed=folder is None)
@@ -106,7 +108,7 @@ def uninstall(folder: Path | None, force: bool, tshark: str | None) -> int:
 @command.command("path")
 @_tshark_option
 def path(tshark: str | None) -> int:
-    """Print the folders of Wireshark and of the plugin's own files."""
+    """Print the folders of Wireshark and of the plugin."""
     from ds47.wireshark import install as files
 
     shark = _find(tshark, needed=True)
@@ -128,7 +130,7 @@ def path(tshark: str | None) -> int:
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
 @_tshark_option
 def doctor(format_name: str, tshark: str | None) -> int:
-    """Look for what usually goes wrong, and say how to fix it."""
+    """Check for the usual faults, and say how to fix them."""
     from ds47.wireshark.doctor import examine
 
     _sources()

@@ -40,7 +40,16 @@ from ds47.cli.run import Run
 from ds47.cli.selecting import CRITERIA, chosen, selection_options
 from ds47.cli.series import series_option, tasks
 from ds47.model import S7, SEVERITIES
-from ds47.report import FORMATS, CannotWriteError, ReportOptions, RuleText, Writer, open_writer
+from ds47.report import (
+    FORMATS,
+    NO_TRANSACTION,
+    NOT_OURS,
+    CannotWriteError,
+    ReportOptions,
+    RuleText,
+    Writer,
+    open_writer,
+)
 from ds47.report.bilingual import say
 from ds47.report.heading import Heading
 from ds47.report.reference import Reference
@@ -181,9 +190,9 @@ def command(
     """Report the DS47 transactions of captures.
 
     What failed and why, what got no response or was not saved, telegram and times of each drive.
-    PATH is a pcap or pcapng file (also .gz and .zst), a folder, which is searched for captures
-    with all that is below it, a URL of either (s3://...), or - for stdin. Texts count as captures, too: hex dumps
-    of packets (tshark -x, tcpdump -xx), and logs of PROFIBUS.
+    PATH is a pcap or pcapng file (also .gz and .zst), a folder with everything below it, a URL of
+    either (s3://...), or - for stdin. Hex dumps of packets (tshark -x, tcpdump -xx) and logs of
+    PROFIBUS are captures, too.
     """
     collect_rarely()
     asked = {name: options.pop(name) for name in CRITERIA}
@@ -240,9 +249,12 @@ def command(
         fail(say("nothing_matches", criteria=choice.criteria, devices=there).text(lang))
         return NOTHING
     if required and run.empty:
-        tell_empty(run.empty)
+        tell_empty(run.empty, NO_TRANSACTION)
         return NOTHING
-    return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
+    if fail_on == "never":
+        return 0
+    tell_empty(run.blank, NOT_OURS)
+    return int(bool(run.blank) or run.worst >= SEVERITIES.index(fail_on))
 
 
 def _heading(said: Heading, paths: Sequence[str]) -> Heading:

@@ -27,7 +27,7 @@ from ds47.report.wrap import fitted, wrap
 def command(names: Sequence[str], lang: str, format_name: str) -> None:
     """List the rules, or explain those named: DS301, DS3 for all that begin with it, or drive-error.
 
-    A word that names none lists the rules that have it in their name or their text.
+    Any other word lists the rules whose name or text contains it.
     """
     chosen, searched = _chosen(names, lang)
     stream = stdout()

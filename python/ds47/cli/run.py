@@ -53,7 +53,9 @@ class Run:
         """Whether ds47 itself broke on a capture."""
         self.worst = -1
         self.empty: list[str] = []
-        """The captures without a transaction."""
+        """The captures without a transaction,"""
+        self.blank: list[str] = []
+        """and those without PROFINET, PROFIBUS and S7: in a run that may fail, no finding is no success there."""
 
     @property
     def streams(self) -> bool:
@@ -109,6 +111,8 @@ class Run:
         self._gaps(result)
         if not result.summary["transactions"]:
             self.empty.append(task.path)
+        if result.nothing:
+            self.blank.append(task.path)
         try:
             with fence():
                 self._show(result)
@@ -197,8 +201,10 @@ class Run:
         self._whole(task.path, row.complete, row.problem)
         if not row.transactions:
             self.empty.append(task.path)
-        if whole:
-            result = results.load(task)
+        result = results.load(task) if whole or not (row.transactions or row.findings) else None
+        if result is not None and result.nothing:
+            self.blank.append(task.path)
+        if whole and result is not None:
             self._gaps(result)
             write_one(self._writer, result)
         results.reported(task)

@@ -34,7 +34,7 @@ class _Number(click.ParamType):  # type: ignore[type-arg]  # no generic before c
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         found = naming.spelled(str(value))
         if found is None:
-            self.fail(f"{value!r} is no parameter such as 1120, p1120 or r0945", param, ctx)
+            self.fail(f"{value!r} is not a parameter such as 1120, p1120 or r0945", param, ctx)
         return found.number
 
 
@@ -235,7 +235,7 @@ def _moment(option: str, text: str | None, where: Zone) -> _Moment | None:
         when = datetime.fromisoformat(match[1] + (match[3] or ""))
     except ValueError as problem:
         raise click.UsageError(
-            f"{option} {text!r} is no time: 08:15:00, 2026-01-01T08:00:00.5, or seconds as 12.5"
+            f"{option} {text!r} is not a time: 08:15:00, 2026-01-01T08:00:00.5, or seconds as 12.5"
         ) from problem
     return _Moment(_seconds(when, where) * SECOND_NS + _fraction(match[2]), "absolute")
 

@@ -52,7 +52,7 @@ def refuse_urls(paths: Sequence[str]) -> None:
     for path in paths:
         if is_url(path):
             raise click.UsageError(
-                f"{path}: stored results stand beside captures in a folder, not behind a URL: "
+                f"{path}: stored results are beside captures in a folder, not behind a URL: "
                 "copy the captures, or use ds47 report --results"
             )
 

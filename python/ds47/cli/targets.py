@@ -30,7 +30,7 @@ def spare_captures(*names: str | None, hint: str = "choose another name") -> Non
         except CaptureError as problem:
             raise click.ClickException(f"cannot write over {problem}") from problem
         if spared:
-            raise click.ClickException(f"{name} is a capture, which is not written over: {hint}")
+            raise click.ClickException(f"{name} is a capture and is not overwritten: {hint}")
 
 
 def spare_recordings(names: Iterable[str]) -> None:

@@ -47,7 +47,7 @@ _UNREADABLE = 3
 @click.option(
     "--capture-filter",
     metavar="FILTER",
-    help='For dumpcap, instead of the usual one; "" captures everything.',
+    help='Filter for dumpcap; "" captures everything.',
 )
 @click.option("--duration", type=float, metavar="SECONDS", help="End after this time (with -i).")
 @click.option("--dumpcap", "program", metavar="PROGRAM", help="The dumpcap to use.")
@@ -75,9 +75,9 @@ def command(
 ) -> int:
     """Show DS47 transactions as they happen.
 
-    Either -i INTERFACE, or SOURCE: a capture file that is still being written, which is followed as by
-    tail -f, - for stdin (dumpcap -i eth0 -w - | ds47 watch -), or a named pipe. Ctrl-C ends with a
-    summary; Enter, or the signal SIGUSR1, shows one in between.
+    Give -i INTERFACE, or SOURCE: a capture file that is still growing (followed like tail -f), a named
+    pipe, or - for stdin (dumpcap -i eth0 -w - | ds47 watch -). Enter, or the signal SIGUSR1, shows a
+    summary; Ctrl-C ends with one.
     """
     if bool(source) == bool(interfaces):
         raise click.UsageError("either -i INTERFACE or a SOURCE (- for stdin)")

@@ -38,7 +38,7 @@ def encode_line(line: str, layout: str = pkw.CYCLIC, eeprom: bool = False) -> by
     words = line.split()[1:]
     verb = words.pop(0).lower() if words else ""
     if verb not in ("read", "count", "change", "write"):
-        raise ValueError(f"behind pkw comes read, count or change; {_EXAMPLE}")
+        raise ValueError(f"after pkw comes read, count or change; {_EXAMPLE}")
     array = verb == "read" and words[:1] == ["array"]
     stored = verb in ("change", "write") and words[:1] == ["eeprom"]
     rest = " ".join(words[int(array or stored) :])

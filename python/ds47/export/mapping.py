@@ -209,12 +209,12 @@ class Replacements:
             document = json.loads(path.read_text(encoding="utf-8"))
             key = cls()
             if document["schema"] != SCHEMA:
-                raise KeyFileError(f"{path}: this is no key file ({SCHEMA})")
+                raise KeyFileError(f"{path}: not a key file ({SCHEMA})")
             for kind in KINDS:
                 key._maps[kind] = dict(document[kind])
                 for original, new in key._maps[kind].items():
                     if not _replaces(kind, original, new):
-                        text = f"{path}: {new!r} cannot stand for the {kind} {original!r}"
+                        text = f"{path}: {new!r} cannot replace the {kind} {original!r}"
                         raise KeyFileError(f"{text}: this key file was changed")
                 key._taken[kind] = set(key._maps[kind].values())
                 key._met[kind] = dict.fromkeys(key._maps[kind])
@@ -229,7 +229,7 @@ class Replacements:
         except (
             ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError,
         ) as problem:  # fmt: skip
-            raise KeyFileError(f"{path}: this is no key file ({SCHEMA})") from problem
+            raise KeyFileError(f"{path}: not a key file ({SCHEMA})") from problem
         return key
 
 

@@ -240,7 +240,7 @@ def _nanoseconds(time: float | Decimal | str) -> int:
     try:
         return nearest(round(Decimal(time).scaleb(9)))
     except (ArithmeticError, ValueError) as problem:
-        raise ValueError(f"{time!r} is no time of a frame: seconds since 1970") from problem
+        raise ValueError(f"{time!r} is not the time of a frame: seconds since 1970") from problem
 
 
 def _series(

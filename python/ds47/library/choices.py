@@ -87,6 +87,6 @@ def _rules(names: str | Iterable[str]) -> tuple[str, ...]:
     for name in _several(names):
         prefix = rule_prefix(name)
         if prefix is None:
-            raise ValueError(f"no rule begins with {name!r} or is named so. Try: ds47 rules")
+            raise ValueError(f"no rule has the number or name {name!r}. Try: ds47 rules")
         found.append(prefix)
     return tuple(found)

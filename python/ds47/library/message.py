@@ -176,7 +176,7 @@ def decode_response(
         request = decode_request(request, options)
     asked = None if request is None else request.plain
     if isinstance(asked, Response):
-        raise ValueError("the request of a response is no response")
+        raise ValueError("the request of a response cannot be a response")
     return Message(raw, profidrive.decode_response(raw, asked, options), asked, options)
 
 

@@ -164,14 +164,14 @@ def _elements(text: str) -> tuple[int, list[int | None]]:
     named = spelled(ranged[1] if ranged else text)
     first, last = (int(ranged[2]), int(ranged[3])) if ranged else (0, 0)
     if named is None or not first <= last <= LARGEST:
-        raise _Wrong(f"{text!r} is no parameter. Try: p1120 or p1120[0]")
+        raise _Wrong(f"{text!r} is not a parameter. Try: p1120 or p1120[0]")
     return named.number, [*range(first, last + 1)] if ranged else [named.subindex]
 
 
 def _object(text: str) -> int:
     number = re.fullmatch(r"(?:DO )?0*(\d{1,5})", text.strip(), re.IGNORECASE)
     if number is None or int(number[1]) > LARGEST:
-        raise _Wrong(f"{text!r} is no number of a drive object. Try: 3")
+        raise _Wrong(f"{text!r} is not the number of a drive object. Try: 3")
     return int(number[1])
 
 
@@ -416,7 +416,7 @@ def _of_row(row: Mapping[str, str], comma: bool) -> Iterator[Expectation]:
         return  # our own table: what no frame shows, and what the drive changes itself, is nothing to expect
     if index := row.get("index"):
         if not index.isdecimal() or int(index) > LARGEST:
-            raise _Wrong(f"{index!r} is no index. Try: 0")
+            raise _Wrong(f"{index!r} is not an index. Try: 0")
         subindices = [int(index)]
     given = {key: (row[key], _number(row[key], comma)) for key in _VALUE_KEYS if row.get(key, "")}
     wanted = _wanted(parameter, given)

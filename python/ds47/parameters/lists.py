@@ -227,7 +227,7 @@ def _of_toml(path: Path) -> ParameterList:
         raise ListError(f"no TOML: {problem}") from problem
     about = document.get("list", {})
     if not isinstance(about, dict):
-        raise ListError("[list] is no table")
+        raise ListError("[list] is not a table")
     found = ParameterList(
         str(about.get("name", path.stem)), _number(about, "vendor_id"), tuple(_numbers(about, "device_ids")),
         _word(about, "firmware"), _word(about, "source"),
@@ -235,7 +235,7 @@ def _of_toml(path: Path) -> ParameterList:
     for key, add in (("parameter", _add_parameter), ("message", _add_message)):
         rows = document.get(key, [])
         if not isinstance(rows, list) or not all(isinstance(each, dict) for each in rows):
-            raise ListError(f"[[{key}]] is no list of tables")
+            raise ListError(f"[[{key}]] is not a list of tables")
         for number, row in enumerate(rows, 1):
             add(found, row, f"[[{key}]] {number}")
     return found
@@ -279,7 +279,7 @@ def _number(row: Mapping[str, Any], key: str) -> int | None:
     value = row.get(key)
     if value is None or (isinstance(value, int) and 0 <= value <= LARGEST_ID):
         return value
-    raise ListError(f"[list]: {key} is no number of 16 bits: {value!r}")
+    raise ListError(f"[list]: {key} is not a number of 16 bits: {value!r}")
 
 
 LARGEST_ID: Final = 0xFFFF
@@ -288,7 +288,7 @@ LARGEST_ID: Final = 0xFFFF
 def _numbers(row: Mapping[str, Any], key: str) -> Sequence[int]:
     values = row.get(key, [])
     if not isinstance(values, list):
-        raise ListError(f"[list]: {key} is no list of numbers")
+        raise ListError(f"[list]: {key} is not a list of numbers")
     return [number for each in values if (number := _number({key: each}, key)) is not None]
 
 

@@ -146,7 +146,7 @@ def load(path: Path) -> Stored:
         raise BaselineError(f"{path}: {problem}") from problem
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
         raise BaselineError(
-            f"{path}: this is no stored result ({SCHEMA}); make it with: ds47 baseline --force"
+            f"{path}: not a stored result ({SCHEMA}); make it with: ds47 baseline --force"
         )
     stored = document.get("capture")
     if (where := flaw(stored)) is not None:
@@ -167,7 +167,7 @@ def parse(text: str) -> Any:
     """
 
     def refuse(word: str) -> None:
-        raise ValueError(f"{word} is no number in JSON")
+        raise ValueError(f"{word} is not a number in JSON")
 
     return json.loads(text, parse_constant=refuse)
 

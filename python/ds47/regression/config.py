@@ -200,7 +200,7 @@ def _known(ignore: Ignore) -> Ignore:
     rule = spec.rule_prefix(ignore.rule)
     if rule is None:
         raise ConfigError(
-            f"[[ignore]]: no rule begins with {ignore.rule!r} or is named so. Try: ds47 rules"
+            f"[[ignore]]: no rule has the number or name {ignore.rule!r}. Try: ds47 rules"
         )
     return replace(ignore, rule=rule)
 

@@ -1,4 +1,4 @@
-"""A corpus at a glance: what is new, gone, slower and by which label, and what the captures exercise.
+"""A corpus at a glance: what is new, gone, slower and by which label, and what the captures cover.
 
 Pure: capture objects and their changes in, numbers and lines out.
 """

@@ -68,6 +68,7 @@ class RuleText(Protocol):
 
 
 NO_TRANSACTION: Final = "no transaction in it (--require transactions)"
+NOT_OURS: Final = "nothing of PROFINET, PROFIBUS or S7 in it"
 """Why a capture fails that has nothing to judge: the mirror port may be unplugged."""
 
 

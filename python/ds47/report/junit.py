@@ -18,7 +18,7 @@ from typing import ClassVar, TextIO
 from xml.etree import ElementTree as ET
 
 from ds47.model import SEVERITIES, STATES, CaptureResult, Finding, Transaction
-from ds47.report import NO_TRANSACTION, ReportOptions
+from ds47.report import NO_TRANSACTION, NOT_OURS, ReportOptions
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import count, escape
 from ds47.report.sentences import message
@@ -115,6 +115,8 @@ class Writer(_Writer):
             error = f"only partly read: {result.problem or 'the file ends early'}"
         elif self.options.required and not result.summary.get("transactions"):
             error = NO_TRANSACTION
+        elif result.nothing:
+            error = NOT_OURS
         output = [_summary(result)]
         if result.dropped:
             output.append(f"the capturing machine dropped {count(result.dropped, 'frame')}")

@@ -268,7 +268,7 @@ class Opening:
             yield "      " + line
         if len(item.corrected) <= _LONGEST_SCL:
             for line in better.scl.splitlines():
-                yield "      " + line
+                yield from fitted("      " + line.replace("; ", ";  "), self._width, 0)
         if better.encode:
             yield "      " + better.encode
             if better.block:

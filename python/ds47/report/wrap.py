@@ -10,6 +10,7 @@ _STAYS = tuple("，。；：、）”")
 """Characters that never begin a line."""
 _COLOR = re.compile(r"\x1b\[\d*m")
 _CELLS = re.compile("(?<=  )(?! )")
+_WHOLE = re.compile(r"[/\\\x1b]")
 _WORDS = re.compile("(?<= )(?! )")
 
 
@@ -17,7 +18,7 @@ def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
     """Lines of at most `width` columns; all but the first begin with `hanging` blanks."""
     if columns(text) <= width:
         return [text.rstrip()]
-    return list(_filled(_pieces(text), width, hanging))
+    return list(_filled(_short(_pieces(text), width - hanging), width, hanging))
 
 
 def fitted(text: str, width: int | None, hanging: int = 4) -> list[str]:
@@ -44,6 +45,15 @@ def _filled(pieces: Iterable[str], width: int, hanging: int) -> Iterator[str]:
         line += piece
         taken += columns(piece)
     yield line.rstrip()
+
+
+def _short(pieces: Iterable[str], width: int) -> Iterator[str]:
+    """The pieces; a name that is wider than a line is broken. A path stays whole: people copy it."""
+    for piece in pieces:
+        while columns(piece.rstrip()) > width and not _WHOLE.search(piece):
+            yield piece[:width]
+            piece = piece[width:]
+        yield piece
 
 
 def cut(text: str, width: int) -> str:

@@ -48,4 +48,4 @@ def zone(text: str) -> Zone:
         return Zone(text, ZoneInfo(text))
     except (LookupError, OSError, ValueError):
         known = "a zone such as Europe/Berlin, UTC, local, or an offset such as +02:00"
-        raise ValueError(f"{text!r} is no time zone that this machine knows: {known}") from None
+        raise ValueError(f"{text!r} is not a time zone known here: {known}") from None

@@ -50,7 +50,7 @@ def nanoseconds(text: str) -> int:
     """
     match = _TIMESTAMP.fullmatch(text)
     if match is None:
-        raise ValueError(f"{text!r} is no time of a report")
+        raise ValueError(f"{text!r} is not the time of a report")
     year, month, day, hour, minute, second, ns = map(int, match.groups())
     cycles, year = divmod(year, 400)  # the calendar repeats; `date` knows the years 1 to 9999
     days = date(year + 400, month, day).toordinal() - _EPOCH_DAY
