@@ -2125,6 +2125,9 @@ M.pzd.stw1_positioning = {
   [0x06] = {set = "activate traversing task (edge)", set_zh = "激活运行任务（上升沿）"},
   [0x0B] = {set = "start homing", set_zh = "启动回参考点"},
 }
+M.pzd.stw1_others = {
+}
+spread(M.pzd.stw1_others, 0x0B, 0x0F, {set = "see the manual of the drive", set_zh = "见驱动器手册"})
 M.pzd.zsw1 = {
   [0x00] = {set = "ready to switch on", clear = "not ready to switch on", set_zh = "接通就绪", clear_zh = "接通未就绪"},
   [0x01] = {set = "ready", set_zh = "运行就绪"},
@@ -2149,6 +2152,9 @@ M.pzd.zsw1_micromaster = {
 }
 M.pzd.zsw1_positioning = {
 }
+M.pzd.zsw1_others = {
+}
+spread(M.pzd.zsw1_others, 0x0B, 0x0F, {set = "see the manual of the drive", set_zh = "见驱动器手册"})
 M.pzd.states = {
   {id = "S1", en = "switching on inhibited", zh = "接通禁止", missing = "OFF1 first (STW1 bit 0 = 0) with bits 1 and 2 = 1, for example 16#047E; ON counts as an edge from there", missing_zh = "先给 OFF1（STW1 位 0 = 0），位 1 和位 2 = 1，例如 16#047E；之后 ON 的上升沿才有效", set = {6}, clear = {}},
   {id = "S4", en = "operation enabled", zh = "运行", set = {0, 1, 2}, clear = {}},

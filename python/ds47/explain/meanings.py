@@ -111,7 +111,7 @@ def _meanings(
     if kind is None:
         yield from blocks.alone(reading, lang)
     if kind == PKW or kind in bit_words():
-        yield cyclic.named(str(kind), value, lang)
+        yield cyclic.named(str(kind), value, lang, None if vendor is None else vendor.id)
     elif kind in RETURNED or kind == S7_ERROR:
         if reading.size in (BYTE, WORD):
             yield _s7(value, lang) if kind == S7_ERROR else _number(str(kind), value, lang)
