@@ -1697,6 +1697,7 @@ M.diagnosis_words = {
   room_stated = {en = "PNU 974[0] of the device is {limit} bytes", zh = "该设备的 PNU 974[0] 为 {limit} 个字节"},
   room_seen = {en = "the capture shows a response of the device with {limit} bytes", zh = "抓包中该设备有一个 {limit} 个字节的应答"},
   mlen_whole = {en = "; with all values it has {whole}", zh = "；全部数值到达时为 {whole} 个字节"},
+  mlen_request = {en = " with all values of its request", zh = "（含请求的全部数值）"},
   fit_parameters = {en = "; {most} bytes have room for {fits} of these parameters", zh = "；{most} 个字节可容纳这些参数中的 {fits} 个"},
   fit_elements = {en = "; {most} bytes have room for {fits} of its elements", zh = "；{most} 个字节可容纳其 {fits} 个元素"},
   again = {en = "without a new request", zh = "没有新的请求"},

@@ -122,6 +122,7 @@ class Diagnoses:
         remarks += [
             *length.request_too_short(job, [each.code for each in others]),
             *length.answer_cut(job, read),
+            *length.read_refused(job, size_of),
             *length.answer_too_long(
                 job, self._limits.get(device), self._longest.get(device, 0), size_of, read
             ),
