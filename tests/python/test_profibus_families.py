@@ -162,9 +162,7 @@ def test_a_vendor_is_assumed_where_no_ident_number_tells_it(
     given: tuple[str, int | None], expected: tuple[int | None, str | None, str]
 ) -> None:
     ident, assumed = given
-    result = analyze(
-        io.BytesIO(captured(refused(ident).stage)), AnalysisOptions(vendor_id=assumed)
-    )
+    result = analyze(io.BytesIO(captured(refused(ident).stage)), AnalysisOptions(vendor_id=assumed))
     (parameter,) = result.transactions[0].parameters
     assert parameter.error is not None
     assert (parameter.error.vendor_id, parameter.name) == expected[:2]

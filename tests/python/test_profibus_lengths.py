@@ -70,7 +70,8 @@ SAID: dict[tuple[Story, str], list[str]] = {
     (cut_behind, "80e5"): [NEEDS + "22; with all values it has 40"],
     (later, "80e5"): [NEEDS + "22"],
     (alone, "80e5"): [NEEDS + "40 with all values of its request"] * 2,
-    (alone, "4711"): [NEEDS + "28 with all values of its request"] * 2,  # of r2902 no list says the type
+    (alone, "4711"): [NEEDS + "28 with all values of its request"]
+    * 2,  # of r2902 no list says the type
     (long_enough, "80e5"): [],
 }
 
@@ -93,5 +94,7 @@ def test_what_mlen_a_request_needs(story: Story, ident: str, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("lang", ["en", "zh"])
 def test_lua_says_the_same(lang: str, tmp_path: Path) -> None:
-    sources = [Source(f"{each.__name__}-{ident}", played(each, ident), False) for each, ident in SAID]
+    sources = [
+        Source(f"{each.__name__}-{ident}", played(each, ident), False) for each, ident in SAID
+    ]
     compare(VERSIONS[-1], lang, sources, tmp_path)

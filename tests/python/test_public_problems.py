@@ -110,6 +110,13 @@ DECODED = (
     ),
     ("profibus '68 0B 0B 68 82 8A 08 3E 3C 06 05 00 FF 0F 84 2B 16'", "parameterised by no master"),
     ("response 0181000144010000", "the parameter does not exist"),
+    # MLEN for a request: known types, those of no list, and no line where nothing is to be computed
+    ("request '01 01 01 02 10 04 0B 56 00 02 10 08 03 B1 00 00'", "RDREC: MLEN 40 for all values"),
+    (
+        "request --vendor abb '01 01 01 01 10 04 0B 56 00 02'",
+        "MLEN 22 for all values, with 4 bytes where",
+    ),
+    ("request --vendor abb --lang zh '01 01 01 01 10 04 0B 56 00 02'", "至少 10"),
 )
 
 
@@ -144,6 +151,20 @@ def test_a_line_without_a_code_is_refused(line: str, capsys: pytest.CaptureFixtu
 def test_a_layout_that_no_maker_has(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["decode", "--as", "pkw", "--pkw-layout", "delta", "0001 301A 0000 0000"]) == 2
     assert "'rexroth-efc'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "01 02 01 01 10 01 0B 54 00 00 08 01 41 20 00 00",
+        "01 01 01 01 20 01 0B 54 00 00",
+        "01 01 01 02 10 01 0B 54",
+    ],
+)
+def test_of_changes_descriptions_and_halves_no_mlen_is_said(
+    asked: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "MLEN" not in said(f"decode --as request '{asked}'", capsys)
 
 
 @pytest.mark.parametrize(("what", "text"), DECODED)

@@ -34,7 +34,27 @@ PRINTED = {
     750: (3, 1), 900: (2, 2), 901: (3, 5), 902: (3, 6), 903: (3, 5),
 }  # fmt: skip
 """Words out and in, counted in the tables that the sources print."""
-WORDLESS = (86, 88, 89, 110, 118, 125, 126, 136, 138, 139, 146, 148, 166, 220, 371, 393, 394, 395, 999)
+WORDLESS = (
+    86,
+    88,
+    89,
+    110,
+    118,
+    125,
+    126,
+    136,
+    138,
+    139,
+    146,
+    148,
+    166,
+    220,
+    371,
+    393,
+    394,
+    395,
+    999,
+)
 """Telegrams that a source names without their words."""
 CONTROL_UNIT, SPEED = LabModule(3, 1, 4), LabModule(2, 2, 4)
 POSITIONER, LONG = LabModule(2, 2, 10, out=20), LabModule(2, 2, 12)
@@ -217,7 +237,9 @@ def of_another_maker() -> bytes:
 def turned(vendor_id: int) -> bytes:
     """A drive runs at 30 %, with bit 11 of STW1 set all the time."""
     stage = Stage()
-    machine = Machine(Cyclic(Client(stage, device=drive(vendor_id=vendor_id)), (SPEED,), reduction=16))
+    machine = Machine(
+        Cyclic(Client(stage, device=drive(vendor_id=vendor_id)), (SPEED,), reduction=16)
+    )
     machine.connect().control(OFF | 1 << REVERSE).run(0.2).setpoint(30)
     machine.control(ON | 1 << REVERSE).run(1).control(OFF | 1 << REVERSE).run(1)
     return captured(stage)

@@ -98,5 +98,7 @@ def _lines(data: bytes, kind: str, layout: str, lang: str, vendor_id: int | None
     yield from dump(data, start, start + 2, lines[0])
     if len(words) == cyclic.PZD_LENGTH:
         raw = int.from_bytes(words[2:])
-        yield from dump(data, start + 2, start + 4, cyclic.scaled(name, word, raw, family).text(lang))
+        yield from dump(
+            data, start + 2, start + 4, cyclic.scaled(name, word, raw, family).text(lang)
+        )
     yield from lines[1:]

@@ -51,7 +51,7 @@ REVERSE = 11
 
 
 def turns(stw1: int, others: bool) -> bool:
-    """Whether a control word turns the sign of the setpoint; what bit 11 is on a drive of `others` nobody knows."""
+    """Whether a control word turns the sign of the setpoint; of a drive of `others` nobody knows bit 11."""
     return bool(stw1 >> REVERSE & 1) and not others
 
 

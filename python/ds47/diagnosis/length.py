@@ -119,10 +119,15 @@ def read_refused(job: Job, size_of: SizeOf) -> Iterator[Remark]:
         return
     if message is None or message.operation != "read":
         return
-    need = MESSAGE_SIZE + sum(_least_block(each, size_of) for each in message.addresses)
+    need = answer_need(message, size_of)
     if 0 < asked.stated < need:
         args = {"asked": asked.stated, "need": need, "more": "mlen_request"}
         yield Remark("DS712", answer.frame, args)
+
+
+def answer_need(request: Request, size_of: SizeOf) -> int:
+    """Bytes of a response with all values of a read; one byte a value at least where nobody knows their size."""
+    return MESSAGE_SIZE + sum(_least_block(each, size_of) for each in request.addresses)
 
 
 def _least_block(address: Address, size_of: SizeOf) -> int:

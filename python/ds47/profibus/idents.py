@@ -42,7 +42,7 @@ class Idents:
             self._said[station] = said.ident
 
     def whose(self, station: int) -> tuple[int | None, str | None]:
-        """Vendor id, and family of parameters (spec/parameters.toml): by the ident number, else the assumed vendor."""
+        """Vendor id and family of parameters (parameters.toml): by the ident number, else the assumed vendor."""
         ident = self._said.get(station, self._sent.get(station))
         vendor_id = profibus.vendor(ident)
         if vendor_id is None:

@@ -270,7 +270,9 @@ def bits(word: str, family: str | None = None) -> tuple[Bit, ...]:
             found[row["bit"]] = Bit(**row)
     if family == OTHERS and word in DRIVE_WORDS:
         own = _load("pzd.toml")["own"]
-        found |= {bit: Bit(**{**own, "bit": bit, "family": OTHERS}) for bit in range(own["bit"], 16)}
+        found |= {
+            bit: Bit(**{**own, "bit": bit, "family": OTHERS}) for bit in range(own["bit"], 16)
+        }
     return tuple(found[bit] for bit in sorted(found))
 
 
