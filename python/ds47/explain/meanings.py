@@ -510,10 +510,11 @@ def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[CodeMea
 
 
 def _returned(value: int, lang: str) -> Iterator[CodeMeaning]:
-    """What system functions return: a number alone is more likely one of WRREC and RDREC."""
+    """What system functions return, and the diagnosis: a number alone is more likely one of WRREC and RDREC."""
     for kind in RETURNED:
         if explanations.of_number(kind, value) is not None:
             yield replace(_number(kind, value, lang), rank=explanations.rank("returned"))
+    yield from messages.message_class(value, lang)
 
 
 def _behind(meaning: CodeMeaning) -> CodeMeaning:
