@@ -17,14 +17,14 @@ local concat, format = table.concat, string.format
 
 local M = {}
 
-local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint
-local OWN = 11 -- from this bit on both words have what the maker of the drive wants
+local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint; on drives of other makers nobody knows
 
 -- Setpoint as it is effective, or actual value, in percent; nil where it is none, or not valid.
 local function percent(place, raw)
   if not raw or not place.valid or not place.speed then return nil end
   local share = raw / tables.pzd.word * 100
-  return place.sent and bit_of(place.word, REVERSE) == 1 and -share or share
+  local turned = place.sent and bit_of(place.word, REVERSE) == 1 and not relations.is_of_others(place.relation)
+  return turned and -share or share
 end
 
 -- `STW1 16#047F, setpoint 60.0 %`, the whole in one line.
@@ -47,20 +47,16 @@ local function bit_text(name, word, bit, family, lang)
   return row[(value == 1 and "set" or "clear") .. (lang == "zh" and "_zh" or "")] or tostring(value)
 end
 
--- `1 (see the manual of the drive)`
-local function own_text(word, bit, lang)
-  return format(lang == "zh" and "%d（见驱动器手册）" or "%d (see the manual of the drive)", bit_of(word, bit))
-end
-
 -- Bits have their words from the field, which knows those of speed telegrams of SINAMICS in English.
 local function add_bits(put, parent, name, place, record, lang)
-  local family = place.speed == false and "positioning" or nil
-  local rows, is_of_others = tables.fields[name], relations.is_of_others(place.relation) -- from bit 0 on
+  local kind = place.speed == false and "positioning" or nil
+  local rows, others = tables.fields[name], tables.pzd[name .. "_others"] -- from bit 0 on
+  if not relations.is_of_others(place.relation) then others = {} end
   for number = 1, #rows do
     local shown, bit = put.take(parent, rows[number][1], record, 0, 2), number - 1
-    local is_own = is_of_others and bit >= OWN
-    if shown and (family or is_own or lang == "zh") then
-      local text = is_own and own_text(place.word, bit, lang) or bit_text(name, place.word, bit, family, lang)
+    local family = others[bit] and "others" or kind
+    if shown and (family or lang == "zh") then
+      local text = bit_text(name, place.word, bit, family, lang)
       local picture = types.picture(place.word, bit, 16)
       shown:set_text(format("%s = %s bit %d: %s", picture, name:upper(), bit, text))
     end

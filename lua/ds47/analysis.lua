@@ -98,7 +98,7 @@ function M.new(options)
   self.records = recordcalls.RecordCalls.new(
     self.events, self.pairing, self, self.stations, self.completeness)
   self.calls = calls.CallTracker.new(limits, self.records, self.completeness)
-  local makers = idents.new()
+  local makers = idents.new(options.vendor_id)
   self.ms1 = ms1calls.new(self.events, self.findings, makers)
   self.services = services.CallTracker.new(self.ms1)
   self.start_ups = ms1calls.start_ups(self.pairing)

@@ -479,7 +479,7 @@ class Analysis:
 
         return ProfibusLine(
             limits(), self._events, self._pairing, self._outcomes, self._channels(),
-            dict(self._options.ppos),
+            dict(self._options.ppos), self._options.vendor_id,
         )  # fmt: skip
 
     def _diagnose(self, capture: Capture | Series) -> None:
@@ -611,7 +611,7 @@ class Analysis:
         assert self._cyclic is not None
         self._cyclic.channels.identify()
         transaction = build_pkw(relation, job, self._layout(relation.device))
-        explain_transaction(self._dictionary, transaction, relation.maker, relation.family)
+        explain_transaction(self._dictionary, transaction, relation.vendor_id, relation.family)
         if self._name is not None:
             self._name(transaction, relation.vendor_id, None)
         self._objects.transaction(transaction)

@@ -429,6 +429,9 @@ def _read_length(case: Case) -> Iterator[str]:
         return
     yield from case.wrong("asked", reads[0].wanted)
     need = case.args.get("need")
+    if case.args.get("more") == "mlen_request":
+        yield from _refused_for_length(case, deal, reads[0].wanted)
+        return
     if deal.answer is None or not deal.answer.data:
         yield "no response was read that is longer"
         return
@@ -449,6 +452,19 @@ def _read_length(case: Case) -> Iterator[str]:
             sums = {each + length for each in sums for _, length in lengths}
         if whole <= need or whole not in sums:
             yield f"with all values it has {sorted(sums)}, not {whole!r}"
+
+
+def _refused_for_length(case: Case, deal: Deal, wanted: int) -> Iterator[str]:
+    """No record came: what the request needs, of one byte a value at least, or of as many as any type has."""
+    asked = deal.asked
+    if asked is None or asked.changes or (deal.answer is not None and deal.answer.data):
+        yield "no request for values was left without its record"
+        return
+    need, places = case.args.get("need"), asked.addresses
+    counts = [max(1, each.elements) if each.attribute == message.VALUE else 1 for each in places]
+    least, most = (4 + sum(2 + size * n + size * n % 2 for n in counts) for size in (1, 8))
+    if not isinstance(need, int) or not max(least, wanted + 1) <= need <= most:
+        yield f"all its values have {least} to {most} bytes, not {need!r}"
 
 
 def _lengths(case: Case, deal: Deal) -> list[set[tuple[int, int]]]:

@@ -1005,8 +1005,9 @@ def vendor(case: Case) -> Iterator[str]:
     """The vendor of the device that was asked; None where the capture does not name it."""
     device = case.deal.device if case.deal else None
     known = case.reading.vendors.get(device) if device else None
-    if case.finding.rule == "DS719" and str(device).startswith("dp"):  # the ident number says it
-        known = 0x2A if case.args.get("family") == "sinamics" else None
+    if str(device).startswith("dp"):  # the ident number says it, which is not looked at here
+        family = case.args.get("family", "sinamics" if case.args.get("vendor_id") else None)
+        known = 0x2A if family == "sinamics" else None
     if case.args.get("vendor_id") not in (known, *((None,) if not known else ())):
         yield f"vendor_id {case.args.get('vendor_id')!r} is {known!r}"
     elif "vendor_id" in case.args and known and case.args["vendor_id"] is None:

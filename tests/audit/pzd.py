@@ -79,6 +79,7 @@ class Drive:
     def _read(self, reading: Reading) -> Iterator[Look]:
         words: dict[bool, bytes | None] = {True: None, False: None}
         heeded, setpoint, actual, code = None, 0, 0, 0
+        turns = 0x800 if reading.vendors.get(self.relation["device"]) in (None, 0x2A) else 0
         sides = [
             (part, sent) for sent, side in ((True, "output"), (False, "input"))
             for part in cyclic.parts(reading, self.relation, side)
@@ -90,7 +91,7 @@ class Drive:
                 if out is not None:
                     stw1 = int.from_bytes(out[:2])
                     heeded = stw1 if stw1 & 0x400 else heeded
-                    setpoint = int.from_bytes(out[2:4], signed=True) * (-1 if stw1 & 0x800 else 1)
+                    setpoint = int.from_bytes(out[2:4], signed=True) * (-1 if stw1 & turns else 1)
                 if in_ is not None:
                     actual = int.from_bytes(in_[2:4], signed=True)
                     code = int.from_bytes(in_[10:12])

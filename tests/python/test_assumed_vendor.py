@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from fake_tshark import real_tshark
 from test_lua_analysis import VERSIONS, Source, compare
+from test_profibus_families import IDENTS, refused
 from test_wireshark_plugin import COMPLETE, run
 
 from ds47.analysis import AnalysisOptions, analyze
@@ -17,6 +18,7 @@ from ds47.batch.settings import options_for
 from ds47.capture import CaptureError, open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
+from ds47.lab import captured
 from ds47.model import SIEMENS, CaptureResult
 from ds47.report import json as report
 from ds47.report import load
@@ -128,6 +130,13 @@ def test_the_lua_pipeline_agrees(version: str, tmp_path: Path, make) -> None:  #
         shutil.copy(make(vendor_id, number), path)
         sources.append(Source(path.name, path.read_bytes(), True))
     compare(version, "en", sources, tmp_path, SINAMICS)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_lua_pipeline_agrees_on_profibus(version: str, tmp_path: Path) -> None:
+    sources = [Source(ident, captured(refused(ident).stage), True) for ident in IDENTS]
+    compare(version, "en", sources, tmp_path, AnalysisOptions(vendor_id=0x0106))
+    compare(version, "zh", sources, tmp_path, SINAMICS)
 
 
 @pytest.mark.parametrize("passes", [(), COMPLETE])

@@ -77,6 +77,7 @@ def test_every_number_of_the_table_has_an_answer(lang: str) -> None:
     [
         ("err_cls 253 err_code 5", "status", "CF81FD05"),
         ("ABORT err_cls 253   err_code 18", "status", "CF81FD12"),
+        ("ABORT err_cls 0   err_code 6", "status", "CF81FD06"),
         ("Error class: 0xfd of a protocol Error code: 0x24 unknown", "status", "CF81FD24"),
         ("Error Class: 133, Error Code 0.", "s7_error", "0x8500"),
         ("error class 0x83, error code 0x04", "s7_error", "0x8304"),
@@ -91,8 +92,36 @@ def test_an_error_as_class_and_code(text: str, kind: str, code: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["err_cls 0 err_code 6", "error class: 299, error code: 1", "error class 1"]
+    "text", ["err_cls 0 err_code 0", "error class: 299, error code: 1", "error class 1"]
 )
 def test_classes_of_nobody(text: str) -> None:
+    with pytest.raises(UnknownFormError):
+        explain(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("[15:22:09 INFO ] CMRPC(628) ERROR: 219, 129, 61, 0", "DB813D00"),
+        ("ret = -1   error_code=219  error_decode=129  error_code_1=61  error_code_2=0", "DB813D00"),
+        ("0xCF, 0x81, 0xFD, 0x18", "CF81FD18"),
+        (
+            "ErrorCode = RTA-ERR (0xCF), ErrorDecode = PNIO (0x81), ErrorCode1 = PROTOCOL (253) "
+            "and ErrorCode2 = AR cmi timeout (06)",
+            "CF81FD06",
+        ),
+        ("error code: 0xDE, error decode: 0x80, error code 1: 0xB5, error code 2: 0x00", "DE80B500"),
+        ("222,128,181,0", "DE80B500"),
+    ],
+)  # fmt: skip
+def test_a_status_as_four_numbers(text: str, code: str) -> None:
+    (meaning,) = explain(text)
+    assert (meaning.kind, meaning.known, meaning.code) == ("status", True, code)
+
+
+@pytest.mark.parametrize(
+    "text", ["1, 2, 3, 4", "219, 7, 61, 0", "219, 129, 61, 300", "219, 129, 61"]
+)
+def test_four_numbers_that_are_no_status(text: str) -> None:
     with pytest.raises(UnknownFormError):
         explain(text)

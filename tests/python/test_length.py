@@ -219,6 +219,29 @@ def test_a_read_that_was_refused_for_its_length_was_too_short_for_the_record_tha
     assert short(10, status=STATUS_NOT_READY) == short(10, answer=b"") == []
 
 
+def refused(
+    stated: int, request: bytes | None, status: int = STATUS_SHORT
+) -> dict[str, Any] | None:
+    """What is said of a Read for so many bytes that is refused, and is the last one."""
+    told = list(length.read_refused(read_with(stated, request, b"", status=status), sizes))
+    return told[0].args if told else None
+
+
+def test_a_request_says_what_mlen_it_needs_where_no_record_came() -> None:
+    wanted = {"asked": 10, "need": 22, "more": "mlen_request"}
+    assert refused(10, READ_ARRAY) == wanted
+    assert refused(21, READ_ARRAY) == wanted | {"asked": 21}
+    assert refused(10, message.read(1, 1, ARRAY, message.address(945, 0, 8))) == wanted | {
+        "need": 32
+    }
+    assert refused(22, READ_ARRAY) is None  # it has another reason
+    assert refused(0, READ_ARRAY) is None  # MLEN was not captured
+    assert refused(10, READ_ARRAY, LOCKED) is None
+    assert refused(10, None) is None
+    change = message.change(1, 1, (message.address(2902), message.real(1.0)))
+    assert refused(2, change) is None
+
+
 # More than one response carries (DS713)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,13 +11,18 @@ from pathlib import Path
 import pytest
 from tests.audit import run
 
-from ds47.analysis import analyze
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.cli import main
 from ds47.lab import captured, message
 from ds47.lab.fdl import PARAMETERS
 from ds47.lab.master import READY, SET_PRM, Master, Way
+from ds47.model import SIEMENS
+from ds47.report import json as report
+from ds47.report import load
+from ds47.spec import maker_names
 
 STATION = 3
-MM4, SINAMICS, OTHER = "80b5", "80e5", "4711"
+IDENTS = MM4, SINAMICS, OTHER = "80b5", "80e5", "4711"
 WITHOUT_IDENT = SET_PRM[:8]
 """A Set_Prm that ends before the ident number."""
 SPEC = Path(__file__).parents[2] / "python/ds47/spec"
@@ -137,3 +143,50 @@ def test_a_drive_that_is_enabled_is_known_as_on_profinet(
     assert [each.rule for each in found] == said
     assert found[0].args["vendor_id"] == (0x2A if ident == SINAMICS else None)
     assert run.audit(path) == []
+
+
+LENZE, DANFOSS = 0x0106, maker_names.number("danfoss")
+ASSUMED = {
+    (SINAMICS, LENZE): (SIEMENS, "Maximum speed", "No change access while the controller is enabled"),
+    (MM4, LENZE): (None, "Maximum frequency", "(SINAMICS: No change access while the controller is enabled)"),
+    (OTHER, LENZE): (LENZE, None, "see the manual of Lenze, vendor 0x0106"),
+    (OTHER, DANFOSS): (DANFOSS, None, "Manufacturer-specific error 0x6B"),
+    (OTHER, SIEMENS): (SIEMENS, "Maximum speed", "No change access while the controller is enabled"),
+    (OTHER, None): (None, None, "(SINAMICS: No change access while the controller is enabled)"),
+}  # fmt: skip
+"""By ident number and assumed vendor: whose error number it is, what 1082 is, how the words of 0x6B end."""
+
+
+@pytest.mark.parametrize(("given", "expected"), ASSUMED.items(), ids=str)
+def test_a_vendor_is_assumed_where_no_ident_number_tells_it(
+    given: tuple[str, int | None], expected: tuple[int | None, str | None, str]
+) -> None:
+    ident, assumed = given
+    result = analyze(io.BytesIO(captured(refused(ident).stage)), AnalysisOptions(vendor_id=assumed))
+    (parameter,) = result.transactions[0].parameters
+    assert parameter.error is not None
+    assert (parameter.error.vendor_id, parameter.name) == expected[:2]
+    assert parameter.error.text.endswith(expected[2])
+    (found,) = (each for each in result.findings if each.rule == "DS410")
+    assert found.args["vendor_id"] == expected[0]
+    document = report.capture(result)
+    assert report.capture(load.capture(json.loads(json.dumps(document)))) == document
+
+
+def test_the_maker_of_pkw_is_assumed_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """104 is an illegal value on drives of Siemens, and parameter does not exist on those of Rockwell."""
+    master = Master()
+    master.start(STATION, sent(OTHER))
+    for request, response in (("2023000000000005", "7023000000000068"), ("0" * 16, "0" * 16)):
+        master.exchange(STATION, request + "00" * 4, response + "00" * 4)
+    path = tmp_path / "pkw.pcapng"
+    path.write_bytes(captured(master.stage))
+    for more, words in (
+        ((), "104: Manufacturer-specific error 104"),
+        (("--vendor", "rockwell"), "104: Parameter does not exist"),
+        (("--vendor", "sinamics"), "104: Illegal value for this request"),
+    ):
+        assert main(["report", str(path), *more]) == 0
+        assert words in " ".join(capsys.readouterr().out.split())

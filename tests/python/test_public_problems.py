@@ -29,6 +29,11 @@ EXPLAINED = (
     ("36700160", "PUT and GET are not permitted"),
     ("0x00A00000", "bits (01) go one at a time"),
     ("665420", "wrong rack, slot or TSAP"),
+    # Siemens, FAQ 109764509: the diagnostics buffer of a CPU
+    ("16#08:9005", "overtemperature of electronic components"),
+    ("16#08:9000", "message class 1 of PROFIdrive"),
+    ("9013", "auxiliary unit defective"),
+    ("36874 --lang zh", "报警类别 11"),
 )
 PASTED = (
     # node-snap7 76, ioBroker.s7 35
@@ -63,6 +68,30 @@ PASTED = (
         "S7 protocol error 0x81/0x04 on ALL data access (DB, Merkers, Inputs)",
         "function is not supported",
     ),
+    # p-net 169, 14, 74
+    (
+        "[15:22:09 INFO ] CMRPC(628) ERROR: 219, 129, 61, 0",
+        "already has a connection with another controller",
+    ),
+    ("ABORT err_cls 0   err_code 6", "raise the accepted misses"),
+    ('Error should be "0xCF, 0x81, 0xFD, 0x18"', "a Control failed"),
+    # gos7 51, 86, 26, s7comm 6, python-snap7 418
+    (
+        "client.AGReadDB: ISO : Invalid Buffer passed to Send/Receive'19'",
+        "PUT and GET are not permitted",
+    ),
+    ("S7 Connect Err to CLI : Error in PDU negotiation", "wrong rack, slot or TSAP"),
+    (
+        "    plc_test.go:20: CLI : invalid CPU answer",
+        "two threads or programs use one connection object",
+    ),
+    (
+        'connecting to "192.168.0.1:102" failed: ISO : Invalid PDU received',
+        "wrong rack, slot or TSAP",
+    ),
+    ("b' ISO : Bad PDU format'", "several threads share the connection"),
+    # plc4x 599
+    ("Error Class: 0x83 Error Code: 0x04", "PUT and GET are not permitted"),
     # the outputs of a block in one line
     ("SINA_POS 8600 DiagId 80A0", "SINA_POS DiagId: 0x80A0"),
     ("fault F07220 and F07900 after a restart", "F07220"),
@@ -110,6 +139,19 @@ DECODED = (
     ),
     ("profibus '68 0B 0B 68 82 8A 08 3E 3C 06 05 00 FF 0F 84 2B 16'", "parameterised by no master"),
     ("response 0181000144010000", "the parameter does not exist"),
+    # gos7 56: a list of Go, with the bold type of Markdown
+    (
+        "s7 '[0x03 ,0x00 ,0x00 ,0x1b ,0x02 ,0xf0 ,0x80 ,0x32 ,0x03 ,0x00 ,0x00 ,0x04 ,0x00 ,0x00 ,0x08 ,0x00 ,0x00"
+        " ,0x00 ,0x00 ,0xf0 ,0x00 ,0x00 ,0x01 ,0x00 ,0x01 ,**0x00** ,**0xf0**]'",
+        "PDU length 240",
+    ),
+    # MLEN for a request: known types, those of no list, and no line where nothing is to be computed
+    ("request '01 01 01 02 10 04 0B 56 00 02 10 08 03 B1 00 00'", "RDREC: MLEN 40 for all values"),
+    (
+        "request --vendor abb '01 01 01 01 10 04 0B 56 00 02'",
+        "MLEN 22 for all values, with 4 bytes where",
+    ),
+    ("request --vendor abb --lang zh '01 01 01 01 10 04 0B 56 00 02'", "至少 10"),
 )
 
 
@@ -144,6 +186,20 @@ def test_a_line_without_a_code_is_refused(line: str, capsys: pytest.CaptureFixtu
 def test_a_layout_that_no_maker_has(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["decode", "--as", "pkw", "--pkw-layout", "delta", "0001 301A 0000 0000"]) == 2
     assert "'rexroth-efc'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "01 02 01 01 10 01 0B 54 00 00 08 01 41 20 00 00",
+        "01 01 01 01 20 01 0B 54 00 00",
+        "01 01 01 02 10 01 0B 54",
+    ],
+)
+def test_of_changes_descriptions_and_halves_no_mlen_is_said(
+    asked: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "MLEN" not in said(f"decode --as request '{asked}'", capsys)
 
 
 @pytest.mark.parametrize(("what", "text"), DECODED)

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import pytest
 from test_lua_analysis import VERSIONS, Source, compare
+from tests.audit import run
 
 from ds47 import spec
 from ds47.analysis import analyze
 from ds47.cli import main
+from ds47.cyclic.closeup import closeup
+from ds47.cyclic.pzd import REVERSE
 from ds47.cyclic.relations import fitting_telegrams
-from ds47.cyclic.timeline import REVERSE
 from ds47.explain import UnknownFormError, explain
 from ds47.lab import captured
 from ds47.lab.client import Client, drive
@@ -32,7 +34,27 @@ PRINTED = {
     750: (3, 1), 900: (2, 2), 901: (3, 5), 902: (3, 6), 903: (3, 5),
 }  # fmt: skip
 """Words out and in, counted in the tables that the sources print."""
-WORDLESS = (89, 110, 118, 125, 126, 136, 138, 139, 146, 148, 166, 220, 371, 393, 394, 395, 999)
+WORDLESS = (
+    86,
+    88,
+    89,
+    110,
+    118,
+    125,
+    126,
+    136,
+    138,
+    139,
+    146,
+    148,
+    166,
+    220,
+    371,
+    393,
+    394,
+    395,
+    999,
+)
 """Telegrams that a source names without their words."""
 CONTROL_UNIT, SPEED = LabModule(3, 1, 4), LabModule(2, 2, 4)
 POSITIONER, LONG = LabModule(2, 2, 10, out=20), LabModule(2, 2, 12)
@@ -212,6 +234,17 @@ def of_another_maker() -> bytes:
     return captured(stage)
 
 
+def turned(vendor_id: int) -> bytes:
+    """A drive runs at 30 %, with bit 11 of STW1 set all the time."""
+    stage = Stage()
+    machine = Machine(
+        Cyclic(Client(stage, device=drive(vendor_id=vendor_id)), (SPEED,), reduction=16)
+    )
+    machine.connect().control(OFF | 1 << REVERSE).run(0.2).setpoint(30)
+    machine.control(ON | 1 << REVERSE).run(1).control(OFF | 1 << REVERSE).run(1)
+    return captured(stage)
+
+
 CONVERSATIONS = (with_control_unit, positioner, of_another_maker)
 
 
@@ -245,6 +278,56 @@ def test_another_makers_drive_has_no_words_of_siemens() -> None:
     names = {each.name for each in result.timelines[0].events}
     assert "fault" in names
     assert not names & {"reverse", "forward"}  # what its bit 11 does its manual says
+
+
+@pytest.mark.parametrize(("vendor_id", "sign"), [(SIEMENS, -1), (OTHER, 1)])
+def test_the_sign_of_a_setpoint_is_turned_by_bit_11_on_drives_of_siemens_alone(
+    vendor_id: int, sign: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "turned.pcapng"
+    path.write_bytes(turned(vendor_id))
+    result = analyze(path)
+    (timeline,) = result.timelines
+    furthest = max((each.most for each in timeline.setpoint), key=abs)
+    assert furthest == sign * round(0.3 * 0x4000)
+    (relation,) = result.relations
+    frame = timeline.events[-1].frame
+    seen = closeup(str(path), relation, frame, 10**9, others=vendor_id == OTHER)
+    assert {each.raw for each in seen if each.by_controller} <= {0, furthest}
+    assert any(each.raw for each in seen if each.by_controller)
+    compare(VERSIONS[-1], "en", [Source("turned", path.read_bytes(), False)], tmp_path)
+    assert run.audit(path) == []
+
+
+@pytest.mark.parametrize(
+    ("vendor", "words"),
+    [
+        ("", "bit 11 = 1 direction reversal (depends on the drive)"),
+        ("--vendor sinamics", "setpoint 50 % of p2000, sign turned by STW1 bit 11"),
+        ("--vendor abb", "bit 11 = 1 see the manual of the drive"),
+        ("--vendor 0x7ABC", "setpoint 50 % of p2000 (16#2000"),
+    ],
+)
+def test_decode_knows_whose_bits_they_are(
+    vendor: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["decode", "--as", "stw1", "0C7F2000", *vendor.split()]) == 0
+    assert words in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("stw1 0C7F --vendor abb", "11 see the manual of the drive"),
+        ("stw1 0C7F", "11 direction reversal (depends on the drive)"),
+        ("zsw1 FB31 --vendor lenze --lang zh", "15 见驱动器手册"),
+    ],
+)
+def test_explain_knows_whose_bits_they_are(
+    code: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["explain", *code.split()]) == 0
+    assert words in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("lang", ["en", "zh"])

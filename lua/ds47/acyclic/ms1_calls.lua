@@ -5,6 +5,7 @@
 
 local MOST_DATA = require("ds47.profibus.ms1").MOST_DATA
 local dp = require("ds47.profibus.dp")
+local family_of = require("ds47.profidrive.dictionary").family_of
 
 local M = {}
 
@@ -30,16 +31,18 @@ end
 
 local peers = {}
 
---- Who talks to whom: {controller, device, station, family}; `dp2` is the station with the address 2, and
--- the family is that of its parameters, nil where it is not known.
+--- Who talks to whom: {controller, device, vendor_id, vendor_assumed, station, family}; `dp2` is the station
+-- with the address 2, the rest is as `Idents:whose` tells it. MICROMASTER is of Siemens, but has none of the
+-- error numbers of SINAMICS: its calls have no vendor.
 -- The same table again for the same ones, so nobody may change it.
-function M.peer(master, station, family)
-  local key = ("%d %d %s"):format(master, station, family or "")
+function M.peer(master, station, vendor_id, family, assumed)
+  local key = ("%d %d %d %s %s"):format(master, station, vendor_id or -1, family or "", assumed)
   local peer = peers[key]
   if peer == nil then
+    local whose = (family == nil or family == family_of(vendor_id)) and vendor_id or nil
     peer = {
       controller = ("dp%d"):format(master), device = ("dp%d"):format(station), station = station,
-      family = family,
+      vendor_id = whose, vendor_assumed = assumed and whose or nil, family = family,
     }
     peers[key] = peer
   end
@@ -73,7 +76,7 @@ end
 
 -- Where something happens to a record, as record_events.lua takes it.
 local function origin(self, call, half)
-  local peer = M.peer(call.master, call.station, self.idents:family(call.station))
+  local peer = M.peer(call.master, call.station, self.idents:whose(call.station))
   return {frame = half.frame, time_ns = half.time_ns, peer = peer, missing = 0}
 end
 

@@ -60,11 +60,11 @@ local function telegrams_of(told, maker)
   return numbers
 end
 
--- Chk_Cfg with an ident number that is known, and that is agreed, tells that PKW is PKW; PZD is proved by its
+-- Chk_Cfg with an ident number that is known and agreed tells that PKW is PKW; PZD is proved by its
 -- words.
-local function certainty_of(is_pkw, vendor_id, frame, agreed)
+local function certainty_of(is_pkw, frame, agreed)
   if not frame then return relations.NAMED end
-  return is_pkw and vendor_id and agreed and relations.CONFIGURED or relations.LENGTHS
+  return is_pkw and agreed and relations.CONFIGURED or relations.LENGTHS
 end
 
 --- The channels of a configuration; none where it is no PPO that is known.
@@ -72,7 +72,7 @@ end
 -- @param vendor_id of the maker of the drive; nil where that is not known
 -- @param frame of Chk_Cfg; nil where a user named the PPO
 -- @param family of the parameters of the drive; nil where that is not known
--- @param agreed whether master and station name the same ident number
+-- @param agreed whether master and station name the same ident number, which is known
 function M.relations(master, station, told, vendor_id, frame, family, agreed)
   local found, output, input, telegrams = {}, 0, 0, telegrams_of(told, vendor_id)
   for _, module in ipairs(told.modules) do
@@ -86,12 +86,19 @@ function M.relations(master, station, told, vendor_id, frame, family, agreed)
         vendor_id = vendor_id, family = family, telegrams = telegrams,
         output = relations.bare_side(M.source(master, station), 0, output, out, channel),
         input = relations.bare_side(M.source(station, master), 0, input, in_, channel),
-        frame = frame, certainty = certainty_of(is_pkw, vendor_id, frame, agreed),
+        frame = frame, certainty = certainty_of(is_pkw, frame, agreed),
       }
     end
     output, input = output + out, input + in_
   end
   return found
+end
+
+-- The channels of a configuration, by what is known of the station.
+local function relations_of(self, master, station, configuration, frame)
+  local vendor_id, family = self.idents:whose(station)
+  local agreed = self.idents:agree(station)
+  return M.relations(master, station, dp.configuration(configuration), vendor_id, frame, family, agreed)
 end
 
 -- Whether data of a station whose PPO is named has its length; its channels begin with the first data.
@@ -102,8 +109,7 @@ local function fits(self, master, station, output, input)
   end
   if not self.at_work[key] then
     self.at_work[key] = true
-    local told = dp.configuration(table.concat(identifiers))
-    local found = M.relations(master, station, told, nil, nil)
+    local found = relations_of(self, master, station, table.concat(identifiers), nil)
     self.channels:configured(found, key, M.source(station, master))
   end
   return #output == length and #input == length
@@ -120,10 +126,7 @@ function Ppo:take(exchange)
     self.channels:exchanged(M.source(item.da, item.sa), answer.item.du, answer.frame, answer.time_ns)
   elseif name == "configuration" then
     self.named[item.da] = nil
-    local vendor = tables.profibus.vendors[self.idents:sent_to(item.da) or -1]
-    local told, family = dp.configuration(item.du), self.idents:family(item.da)
-    local agreed = self.idents:of(item.da) == self.idents:sent_to(item.da)
-    local found = M.relations(item.sa, item.da, told, vendor, frame, family, agreed)
+    local found = relations_of(self, item.sa, item.da, item.du, frame)
     self.channels:configured(found, M.source(item.sa, item.da), M.source(item.da, item.sa), frame)
   end
 end

@@ -182,9 +182,9 @@ function M.is_bus(relation) return #relation.output.source == STATIONS end
 --- The slave on PROFIBUS; nil elsewhere.
 function M.station(relation) return M.is_bus(relation) and string.byte(relation.input.source, 1) or nil end
 
---- Whose parameters its drive has, as far as is known; on PROFIBUS only the family says that.
+--- Whose parameters its drive has, as far as is known.
 function M.drives(relation)
-  return dictionary.family_of(not M.is_bus(relation) and relation.vendor_id or nil, relation.family)
+  return dictionary.family_of(relation.vendor_id, relation.family)
 end
 
 --- The stations and the slot as a key: PKW and PZD of one drive have them in common; on PROFIBUS there are

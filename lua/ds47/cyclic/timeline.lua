@@ -198,7 +198,7 @@ function Recorder:sent(words, frame, time)
   if stw1 ~= self.stw1 or self.lost_out or self.lost_in then control(self, stw1, frame, time) end
   if learnt(self, raw) then
     local value = pzd.signed(raw)
-    self.setpoint = bit(stw1, REVERSE) == 1 and -value or value
+    self.setpoint = not self.own and bit(stw1, REVERSE) == 1 and -value or value
   end
   tell(self, frame, time)
 end

@@ -20,6 +20,7 @@ local M = {}
 local VALUE = tables.layouts.ADDRESS_VALUE
 local HEADER, ADDRESS = tables.layouts.MESSAGE_SIZE, tables.layouts.ADDRESS_SIZE
 local COUNT_AT = 4 -- place of the number of parameters, from 1
+local STATUS_SHORT = 0xDE80B100
 local BLOCK_HEADER = 2 -- format and number of values
 local BLOCK = 4 -- the shortest value block: format, number of values, one value with its pad
 
@@ -149,6 +150,18 @@ function M.read_too_short(remarks, job)
     if stated > 0 and stated < need then
       put(remarks, "DS712", read.response.frame, {asked = stated, need = need})
     end
+  end
+end
+
+--- The same, and none brought the record: what all values of the request need at least.
+function M.read_refused(remarks, job, size_of)
+  local asked, answer, message = job.read_request, job.read_response, job.message
+  if asked == nil or answer == nil or answer.status ~= STATUS_SHORT then return end
+  if message == nil or message.operation ~= "read" then return end
+  local need = HEADER
+  for _, address in ipairs(message.addresses) do need = need + least_block(address, size_of) end
+  if asked.stated > 0 and asked.stated < need then
+    put(remarks, "DS712", answer.frame, {asked = asked.stated, need = need, more = "mlen_request"})
   end
 end
 

@@ -138,13 +138,8 @@ local function by_subindex(refusal, vendor_id)
   return maker and maker.by_subindex and maker.by_subindex[refusal.address.pnu]
 end
 
--- Whose numbers the drive has; on PROFIBUS the family of its parameters says it.
-local function maker_of(peer)
-  return dictionary.family_of(peer.vendor_id, peer.family) == "sinamics" and SIEMENS or peer.vendor_id
-end
-
 local function rule_of(refusal, peer, change)
-  local known, code, siemens = tables.known, refusal.code, maker_of(peer) == SIEMENS
+  local known, code, siemens = tables.known, refusal.code, peer.vendor_id == SIEMENS
   if code == known.axis_error then return "DS709" end
   if siemens and refusal.value and #refusal.value.values > 0 and is_connector(refusal) then return "DS720" end
   if siemens and known.commissioning[code] then return "DS718" end
@@ -177,7 +172,7 @@ local function args_of(job, rule, refusal)
   local address, value = refusal.address, refusal.value
   local source = source_of(value)
   local facts, args = {
-    axis = job.message.axis, device = job.peer.device, vendor_id = maker_of(job.peer), code = refusal.code,
+    axis = job.message.axis, device = job.peer.device, vendor_id = job.peer.vendor_id, code = refusal.code,
     pnu = address.pnu, subindex = address.subindex, elements = address.element_count,
     format = value and value.format_name, value = value and formats.argument(value.values[1], value),
     source = source, case = source and "source_refused" or "no_source",

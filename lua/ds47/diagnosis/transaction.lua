@@ -146,6 +146,7 @@ function Diagnoses:_cause(remarks, job)
   local function read(pnu) return self:_read_size(job, pnu) end
   length.request_too_short(remarks, job, refused)
   length.answer_cut(remarks, job, read)
+  length.read_refused(remarks, job, size_of)
   local stated = self.limits:get(device, PNU_ACCESS_IDENTIFICATION)
   length.answer_too_long(remarks, job, stated, self.longest:get(device, ONLY) or 0, size_of, read)
   refusal.add(remarks, job, refused, function(remark, each) self:_suggest(job, remark, each) end)

@@ -11,7 +11,8 @@ local Idents = {}
 Idents.__index = Idents
 
 --- The ident numbers of stations, as they stand in their GSD; the newest of each kind.
-function M.new() return setmetatable({said = {}, sent = {}}, Idents) end
+-- @param vendor_id whose the stations are whose ident number does not tell it; nil: nobody's
+function M.new(vendor_id) return setmetatable({said = {}, sent = {}, vendor_id = vendor_id}, Idents) end
 
 --- An exchange that is over; one without an answer, or that was refused, says nothing.
 function Idents:take(exchange)
@@ -26,13 +27,19 @@ function Idents:take(exchange)
   end
 end
 
---- The ident number that a station was parameterised with; nil where no frame has said it yet.
-function Idents:sent_to(station) return self.sent[station] end
+--- Vendor id, and family of parameters: by the ident number of a station, else the assumed vendor. The third
+-- value is true where it is assumed.
+function Idents:whose(station)
+  local ident = self.said[station] or self.sent[station] or -1
+  local vendor_id = tables.profibus.vendors[ident]
+  if vendor_id == nil then return self.vendor_id, nil, self.vendor_id ~= nil end
+  return vendor_id, tables.profibus.families[ident], false
+end
 
---- The ident number of a station; nil where no frame has said it yet.
-function Idents:of(station) return self.said[station] or self.sent[station] end
-
---- Of which family its parameters are (the list of parameters); nil where that is not known.
-function Idents:family(station) return tables.profibus.families[self:of(station) or -1] end
+--- Whether master and station name the same ident number, and it is known.
+function Idents:agree(station)
+  local sent = self.sent[station] or -1
+  return tables.profibus.vendors[sent] ~= nil and (self.said[station] or sent) == sent
+end
 
 return M

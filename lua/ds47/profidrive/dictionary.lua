@@ -260,10 +260,9 @@ end
 function Dictionary:explain(item)
   if self.is_empty then return end
   local access, last = drive_objects.access_of(item), item.frames.read_response
-  local maker = not item.station and item.vendor_id or nil -- on PROFIBUS the family says it
   for _, each in ipairs(item.parameters) do
     if each.pnu and each.attribute == "value" then
-      local told = M.explained(each, (self:meaning(access, each.pnu, maker, last, item.family)))
+      local told = M.explained(each, (self:meaning(access, each.pnu, item.vendor_id, last, item.family)))
       each.unit, each.scaled, each.described = told.unit, told.scaled, told.described
     end
   end

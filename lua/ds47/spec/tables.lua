@@ -1697,6 +1697,7 @@ M.diagnosis_words = {
   room_stated = {en = "PNU 974[0] of the device is {limit} bytes", zh = "该设备的 PNU 974[0] 为 {limit} 个字节"},
   room_seen = {en = "the capture shows a response of the device with {limit} bytes", zh = "抓包中该设备有一个 {limit} 个字节的应答"},
   mlen_whole = {en = "; with all values it has {whole}", zh = "；全部数值到达时为 {whole} 个字节"},
+  mlen_request = {en = " with all values of its request", zh = "（含请求的全部数值）"},
   fit_parameters = {en = "; {most} bytes have room for {fits} of these parameters", zh = "；{most} 个字节可容纳这些参数中的 {fits} 个"},
   fit_elements = {en = "; {most} bytes have room for {fits} of its elements", zh = "；{most} 个字节可容纳其 {fits} 个元素"},
   again = {en = "without a new request", zh = "没有新的请求"},
@@ -2125,6 +2126,9 @@ M.pzd.stw1_positioning = {
   [0x06] = {set = "activate traversing task (edge)", set_zh = "激活运行任务（上升沿）"},
   [0x0B] = {set = "start homing", set_zh = "启动回参考点"},
 }
+M.pzd.stw1_others = {
+}
+spread(M.pzd.stw1_others, 0x0B, 0x0F, {set = "see the manual of the drive", set_zh = "见驱动器手册"})
 M.pzd.zsw1 = {
   [0x00] = {set = "ready to switch on", clear = "not ready to switch on", set_zh = "接通就绪", clear_zh = "接通未就绪"},
   [0x01] = {set = "ready", set_zh = "运行就绪"},
@@ -2149,6 +2153,9 @@ M.pzd.zsw1_micromaster = {
 }
 M.pzd.zsw1_positioning = {
 }
+M.pzd.zsw1_others = {
+}
+spread(M.pzd.zsw1_others, 0x0B, 0x0F, {set = "see the manual of the drive", set_zh = "见驱动器手册"})
 M.pzd.states = {
   {id = "S1", en = "switching on inhibited", zh = "接通禁止", missing = "OFF1 first (STW1 bit 0 = 0) with bits 1 and 2 = 1, for example 16#047E; ON counts as an edge from there", missing_zh = "先给 OFF1（STW1 位 0 = 0），位 1 和位 2 = 1，例如 16#047E；之后 ON 的上升沿才有效", set = {6}, clear = {}},
   {id = "S4", en = "operation enabled", zh = "运行", set = {0, 1, 2}, clear = {}},
@@ -2509,7 +2516,7 @@ M.explain.statuses = {
   {services = {221}, plc = "none", filter = "service", en = "Control refused: {name}", zh = "控制被拒绝：{name}", look_en = "the Control calls after Connect: PrmEnd, ApplicationReady.", look_zh = "Connect 之后的 Control 调用：PrmEnd、ApplicationReady。", cause = {{en = "the start-up of the connection went out of step, or the connection was gone: the controller connects anew", zh = "连接启动过程失步，或连接已断开：控制器会重新连接", basis = "usual"}}},
   {services = {218}, plc = "none", filter = "service", en = "alarm not acknowledged: {name}", zh = "报警未被确认：{name}", look_en = "the alarm frame before it and what it was about.", look_zh = "在它之前的报警帧及其内容。", cause = {{en = "the controller did not want the alarm, or the program did not handle it in time", zh = "控制器不接受该报警，或程序未及时处理", basis = "usual"}}},
   {services = {207}, decode = 129, code1 = 253, code2 = 5, plc = "none", filter = "service", en = "connection aborted: cyclic data of the partner stayed away (watchdog expired)", zh = "连接中止：对方的循环数据中断（看门狗超时）", look_en = "the last cyclic frames before it, and a Release or new Connect after it; a DS47 job in between is lost.", look_zh = "在它之前的最后循环帧，以及之后的 Release 或新的 Connect；其间的 DS47 任务丢失。", cause = {{en = "cable, switch or partner interrupted; partner restarted or was switched off", zh = "电缆、交换机或对方中断；对方重启或断电", basis = "usual"}, {en = "update time too short for the network or the device: raise it or the number of accepted misses", zh = "更新时间对网络或设备过短：增大更新时间或允许丢失次数", basis = "usual"}}},
-  {services = {207}, decode = 129, code1 = 253, code2 = 6, plc = "none", filter = "service", en = "connection aborted: the start-up did not go on in time (CMI timeout)", zh = "连接中止：启动过程未及时继续（CMI 超时）", look_en = "the last Connect, Write or Control call before it and which response is missing.", look_zh = "在它之前最后的 Connect、Write 或 Control 调用，以及缺少哪个应答。", cause = {{en = "calls or responses got lost, or the partner was too slow at start-up", zh = "调用或应答丢失，或对方启动过慢", basis = "usual"}}},
+  {services = {207}, decode = 129, code1 = 253, code2 = 6, plc = "none", filter = "service", en = "connection aborted: the start-up did not go on in time (CMI timeout)", zh = "连接中止：启动过程未及时继续（CMI 超时）", look_en = "the last Connect, Write or Control call before it and which response is missing.", look_zh = "在它之前最后的 Connect、Write 或 Control 调用，以及缺少哪个应答。", cause = {{en = "calls or responses got lost, or the partner was too slow at start-up", zh = "调用或应答丢失，或对方启动过慢", basis = "usual"}, {en = "p-net up to 2020 (err_cls 0): cyclic data of the controller stayed away; raise the accepted misses, or make Linux real-time", zh = "2020 年前的 p-net（err_cls 0）：控制器的循环数据中断；增大允许丢失次数，或使用实时 Linux", basis = "documented"}}},
   {services = {207}, decode = 129, code1 = 253, code2 = 1, plc = "none", filter = "service", en = "connection aborted: a sequence number was wrong", zh = "连接中止：序列号错误", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "alarm frames were lost or came twice", zh = "报警帧丢失或重复", basis = "usual"}}},
   {services = {207}, decode = 129, code1 = 253, code2 = 2, plc = "none", filter = "service", en = "connection aborted: the partner has closed its side (instance closed)", zh = "连接中止：对方已关闭其一侧（instance closed）", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "an earlier connection still existed there, or the partner restarted", zh = "对方仍存在先前的连接，或对方重新启动", basis = "usual"}}},
   {services = {207}, decode = 129, code1 = 253, code2 = 3, plc = "none", filter = "service", en = "connection aborted: out of memory", zh = "连接中止：内存不足", look_en = "which partner sent it, and what came right before it.", look_zh = "由哪一方发送，以及紧接在它之前的帧。", cause = {{en = "the device has no room for this connection: too many controllers, or too much data", zh = "设备没有资源建立该连接：控制器过多或数据过多", basis = "usual"}}},
@@ -2668,6 +2675,7 @@ M.explain.plc = {
   format = {{en = "a byte in RECORD: WRREC writes it before the value (change), RDREC finds it before the value (read: byte 4 for the first)", zh = "RECORD 中的一个字节：修改时由 WRREC 写在数值之前，读取时 RDREC 在数值之前得到（第一个为字节 4）"}},
   format_error = {{block = "RDREC", valid = true, busy = false, error = false, status = "00000000", en = "RECORD: 16#44, number of words, error number (word), info (word); the first one at byte 4", zh = "RECORD：16#44、字数、错误号（字）、附加信息（字）；第一个从字节 4 开始"}},
   part = {{en = "STATUS has it as its first byte", zh = "STATUS 的第一个字节"}},
+  diagnostics_buffer = {{en = "no output of a block: an entry in the diagnostics buffer of the CPU, with the slot of the drive", zh = "不是块的输出：CPU 诊断缓冲区中的一条记录，带驱动器的插槽"}},
   ret_val = {{en = "RET_VAL has it as INT, negative: show it in hexadecimal; 0 is good, and with SFC58 and SFC59 7000 to 7002 are steps of a job", zh = "RET_VAL 为 INT，显示为负数：应以十六进制显示；0 为成功，SFC58 和 SFC59 的 7000 至 7002 是任务的步骤"}},
   s7 = {{en = "not in STATUS of WRREC or RDREC: a library that speaks S7 says it, as one word or as class and code ({high}, {low})", zh = "不出现在 WRREC 或 RDREC 的 STATUS 中：由 S7 通信库给出，为一个字，或错误类和错误码（{high}、{low}）"}},
   s7_item = {{en = "not in STATUS of WRREC or RDREC: the partner says it of each item, and a library that speaks S7 hands it on", zh = "不出现在 WRREC 或 RDREC 的 STATUS 中：由对方对每个数据项给出，S7 通信库将其传出"}},
@@ -2677,6 +2685,7 @@ M.explain.plc = {
 M.explain.filters = {
   s7 = {wireshark = "s7comm"},
   pzd = {plugin = "ds47.pzd.zsw1"},
+  message_class = {wireshark = "pn_io.channel_error_type == {value}"},
   s7_error = {wireshark = "s7comm.param.errcod == {code} || (s7comm.header.errcls == 0x{high} && s7comm.header.errcod == 0x{low})"},
   s7_item = {wireshark = "s7comm.data.returncode == {code}"},
   status = {wireshark = "pn_io.error_code == {code} && pn_io.error_decode == {decode} && pn_io.error_code1 == {code1}"},

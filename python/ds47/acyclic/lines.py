@@ -39,6 +39,7 @@ class ProfibusLine:
         outcomes: gets findings about services, and answered Writes to an index that is not ours.
         cyclic: takes PPOs.
         ppos: station address -> number of its PPO, for captures without Chk_Cfg.
+        vendor_id: of stations whose ident number does not tell it; None: nobody's.
     """
 
     def __init__(
@@ -49,10 +50,11 @@ class ProfibusLine:
         outcomes: list[Outcome],
         cyclic: CyclicChannels,
         ppos: dict[int, int],
+        vendor_id: int | None = None,
     ) -> None:
         self._judge = LineJudge(limits)
         self._stations = LineStations(self._judge.heard)
-        idents = Idents()
+        idents = Idents(vendor_id)
         self._ms1 = Ms1Calls(events, outcomes, self._judge, idents)
         self._services = ServiceTracker()
         self._start_ups = StartUps(pairing.started)

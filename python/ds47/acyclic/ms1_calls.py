@@ -19,6 +19,7 @@ from ds47.profibus.idents import Idents
 from ds47.profibus.judge import LineJudge
 from ds47.profibus.line import Exchange
 from ds47.profibus.ms1 import MOST_DATA
+from ds47.profidrive.dictionary import family_of
 from ds47.profinet.completeness import STATION
 from ds47.profinet.records import Peer, Record
 
@@ -69,7 +70,7 @@ class Ms1Calls:
 
     def _whose(self, call: ServiceCall) -> Record:
         """The record of a call, now with its peer."""
-        who = peer(call.master, call.station, self._idents.family(call.station))
+        who = peer(call.master, call.station, *self._idents.whose(call.station))
         call.record = call.record.of(who, may_be_ours=call.record.index in self._events.concerned)
         return call.record
 
@@ -166,6 +167,12 @@ class StartUps:
 
 
 @lru_cache(maxsize=4096)
-def peer(master: int, station: int, family: str | None = None) -> Peer:
-    """The two stations of a call: `dp2` is the station with the address 2."""
-    return Peer(f"{STATION}{master}", f"{STATION}{station}", station=station, family=family)
+def peer(
+    master: int, station: int, vendor_id: int | None = None, family: str | None = None
+) -> Peer:
+    """The two stations of a call: `dp2` is the station with the address 2.
+
+    MICROMASTER is of Siemens, but has none of the error numbers of SINAMICS: its calls have no vendor.
+    """
+    whose = vendor_id if family in (None, family_of(vendor_id)) else None
+    return Peer(f"{STATION}{master}", f"{STATION}{station}", whose, station=station, family=family)

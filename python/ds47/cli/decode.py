@@ -110,7 +110,10 @@ def command(
         other = "response" if found.kind == "request" else "request"
         kind_name = say(f"decode_{found.kind}")
         warn(say("decode_guess", kind=kind_name, option=other).text(lang))
-    _print(json.text(found.to_dict()) + "\n" if as_json else text(found, lang), as_json)
+    _print(
+        json.text(found.to_dict()) + "\n" if as_json else text(found, lang, options.vendor_id),
+        as_json,
+    )
 
 
 def _print(shown: str, as_json: bool) -> None:

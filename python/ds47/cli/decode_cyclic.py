@@ -30,7 +30,7 @@ def cyclic_words(
     lang: str,
     vendor_id: int | None = None,
 ) -> str:
-    """What the words mean, as text or as JSON; `vendor_id`: the maker of the error numbers of PKW.
+    """What the words mean, as text or as JSON; `vendor_id`: whose error numbers of PKW and bits they are.
 
     Raises:
         click.UsageError: there are fewer or more bytes than such words have.
@@ -56,6 +56,7 @@ def _document(data: bytes, kind: str, layout: str, vendor_id: int | None) -> dic
     from ds47.cyclic.pkw import decode
     from ds47.cyclic.pzd import percent
     from ds47.report import cyclic
+    from ds47.spec.cyclic import family_of_words
     from ds47.spec.pkw_layouts import maker_layouts
 
     first, _, words = _parts(data, kind)
@@ -66,7 +67,7 @@ def _document(data: bytes, kind: str, layout: str, vendor_id: int | None) -> dic
     if not words:
         return found
     name = _PZD[kind]
-    shown = cyclic.word_document(name, int.from_bytes(words[:2]))
+    shown = cyclic.word_document(name, int.from_bytes(words[:2]), family_of_words(vendor_id))
     if len(words) == cyclic.PZD_LENGTH:
         key = "setpoint_percent" if name == "stw1" else "actual_percent"
         shown[key] = round(percent(int.from_bytes(words[2:])), 6)
@@ -77,6 +78,7 @@ def _lines(data: bytes, kind: str, layout: str, lang: str, vendor_id: int | None
     from ds47.cyclic.pkw import decode
     from ds47.report import cyclic
     from ds47.report.bilingual import say
+    from ds47.spec.cyclic import family_of_words
     from ds47.spec.pkw_layouts import maker_layouts
 
     first, start, words = _parts(data, kind)
@@ -91,10 +93,12 @@ def _lines(data: bytes, kind: str, layout: str, lang: str, vendor_id: int | None
             yield from dump(data, at, end, meaning.text(lang))
     if not words:
         return
-    name, word = _PZD[kind], int.from_bytes(words[:2])
-    lines = [each.text(lang) for each in cyclic.word_lines(name, word)]
+    name, word, family = _PZD[kind], int.from_bytes(words[:2]), family_of_words(vendor_id)
+    lines = [each.text(lang) for each in cyclic.word_lines(name, word, family)]
     yield from dump(data, start, start + 2, lines[0])
     if len(words) == cyclic.PZD_LENGTH:
         raw = int.from_bytes(words[2:])
-        yield from dump(data, start + 2, start + 4, cyclic.scaled(name, word, raw).text(lang))
+        yield from dump(
+            data, start + 2, start + 4, cyclic.scaled(name, word, raw, family).text(lang)
+        )
     yield from lines[1:]

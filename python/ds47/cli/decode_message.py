@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from ds47.cli.common import flaw_text
 from ds47.cli.dump import dump
-from ds47.model import Parameter
+from ds47.model import SIEMENS, Parameter
+from ds47.profidrive import Request
+from ds47.profidrive.model import VALUE
 from ds47.report import formatting
 from ds47.report.bilingual import say
 
@@ -18,16 +20,40 @@ if TYPE_CHECKING:
     from ds47.library.message import Message
 
 
-def text(message: Message, lang: str) -> str:
-    """The whole message."""
+def text(message: Message, lang: str, vendor_id: int | None = None) -> str:
+    """The whole message, of a device of this vendor."""
     kind = say(f"decode_{message.kind}")
     lines = [say("decode_head", kind=kind, n=len(message.data)).text(lang)]
     found = sorted(rows(message, lang), key=lambda row: row[0])
     ends = [row[0] for row in found[1:]] + [len(message.data)]
     for (start, meaning), end in zip(found, ends, strict=True):
         lines += dump(message.data, start, end, meaning)
+    lines += _mlen(message, SIEMENS if vendor_id is None else vendor_id, lang)
     lines += flaw_lines(message, lang)
     return "\n".join(lines) + "\n"
+
+
+def _mlen(message: Message, vendor_id: int, lang: str) -> Iterator[str]:
+    """Of a read what its response needs: by the list of parameters, and 4 bytes a value that is not in it."""
+    from ds47.diagnosis import format_of
+    from ds47.diagnosis.length import answer_need
+    from ds47.spec import formats
+
+    request = message.plain
+    if not isinstance(request, Request) or request.operation != "read" or request.flaws:
+        return
+    if any(each.attribute != VALUE for each in request.addresses):
+        return  # descriptions and texts have sizes of their own
+    sizes = {
+        each.pnu: None if (code := format_of(each.pnu, vendor_id)) is None else formats()[code].size
+        for each in request.addresses
+    }
+    least, usual = (
+        answer_need(request, sizes.get),
+        answer_need(request, lambda pnu: sizes[pnu] or 4),
+    )
+    key = "decode_mlen" if least == usual else "decode_mlen_usual"
+    yield say(key, least=str(least), usual=str(usual)).text(lang)
 
 
 def flaw_lines(message: Message, lang: str) -> Iterator[str]:

@@ -52,12 +52,14 @@ class Pasted:
 
 
 def read(text: str) -> Pasted:
-    """The bytes of a text; none of an empty one.
+    """The bytes of a text, without bold type of Markdown; none of an empty one.
 
     Raises:
         ValueError: it has none of the forms, or may have two; the message says where, and what to do.
     """
-    plain = [_NAME.sub("", line) for line in _BUFFER.sub(r"\1", text).splitlines()]
+    plain = [
+        _NAME.sub("", line) for line in _BUFFER.sub(r"\1", text.replace("**", "")).splitlines()
+    ]
     written = [line for line in plain if line.strip()]
     if not written:
         return Pasted(b"")

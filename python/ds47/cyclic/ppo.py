@@ -62,17 +62,7 @@ class PpoFeed:
             self._channels.exchanged(item.front.back, answer.item.du, answer.frame, answer.time_ns)
         elif name == dp.CONFIGURATION:
             self._named.pop(station, None)
-            vendor = profibus.vendor(self._idents.sent(station))
-            agreed = self._idents.of(station) == self._idents.sent(station)
-            found = relations(
-                master,
-                station,
-                dp.configuration(item.du),
-                vendor,
-                exchange.request.frame,
-                self._idents.family(station),
-                agreed=agreed,
-            )
+            found = self._relations(master, station, item.du, exchange.request.frame)
             sources = source(master, station), source(station, master)
             self._channels.configured(list(found), *sources, exchange.request.frame)
 
@@ -81,10 +71,19 @@ class PpoFeed:
         row = self._named[station]
         if (master, station) not in self._at_work:
             self._at_work.add((master, station))
-            found = relations(master, station, dp.configuration(_identifiers(row)), None, None)
+            found = self._relations(master, station, _identifiers(row), None)
             sources = source(master, station), source(station, master)
             self._channels.configured(list(found), *sources)
         return len(output) == len(input_) == sum(row.modules)
+
+    def _relations(
+        self, master: int, station: int, configuration: bytes, frame: int | None
+    ) -> Iterator[CyclicRelation]:
+        vendor_id, family = self._idents.whose(station)
+        return relations(
+            master, station, dp.configuration(configuration), vendor_id, frame, family,
+            agreed=self._idents.agree(station),
+        )  # fmt: skip
 
 
 def _identifiers(row: profibus.PpoLayout) -> bytes:
@@ -105,10 +104,10 @@ def relations(
     """The channels of a configuration; none where it is no PPO that is known.
 
     `frame` is that of Chk_Cfg, None where a user named the PPO; vendor and family are None where nothing says
-    them. `agreed`: whether master and station name the same ident number. Then PKW is PKW, if the ident number is
-    known; PZD is proved by its words.
+    them. `agreed`: whether master and station name the same ident number, which is known. Then PKW is PKW; PZD is
+    proved by its words.
     """
-    proved = CONFIGURED if agreed and vendor_id is not None else LENGTHS
+    proved = CONFIGURED if agreed else LENGTHS
     output = input_ = 0
     words = [
         (each.outputs.length, each.inputs.length)

@@ -46,6 +46,15 @@ def missing(stw1: int, setpoint: bool = True) -> tuple[cyclic.Needed, ...]:
     )
 
 
+REVERSE = 11
+"""The bit of STW1 that turns the sign of the setpoint."""
+
+
+def turns(stw1: int, others: bool) -> bool:
+    """Whether a control word turns the sign of the setpoint; of a drive of `others` nobody knows bit 11."""
+    return bool(stw1 >> REVERSE & 1) and not others
+
+
 def signed(word: int) -> int:
     """A word as PLC tables print it with a sign."""
     return word - 0x10000 if word & 0x8000 else word

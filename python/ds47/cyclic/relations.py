@@ -121,14 +121,9 @@ class CyclicRelation:
         return self.input.source[0] if self.is_bus else None
 
     @property
-    def maker(self) -> int | None:
-        """The vendor of its parameters if no family is known; on PROFIBUS only the family says it."""
-        return None if self.is_bus else self.vendor_id
-
-    @property
     def drives(self) -> str:
         """The family of its parameters, if known."""
-        return family_of(self.maker, self.family)
+        return family_of(self.vendor_id, self.family)
 
     @property
     def is_named(self) -> bool:

@@ -21,8 +21,6 @@ REQUESTED = 9
 """Bit of ZSW1: the drive wants to be controlled by the PLC."""
 RUNNING = 2
 """Bit of ZSW1: operation enabled."""
-REVERSE = 11
-"""Bit of STW1 that turns the sign of the setpoint."""
 _HEALTHY = 0x0030
 """Bits of ZSW1: neither OFF2 nor OFF3."""
 _LEGAL = frozenset((1, 3, 7))
@@ -149,7 +147,7 @@ class Recorder:
             self._control(stw1, frame, time_ns)
         raw = int.from_bytes(data[2:4], signed=True)
         if self._learnt(raw):
-            self._setpoint = -raw if stw1 >> REVERSE & 1 else raw
+            self._setpoint = -raw if pzd.turns(stw1, self.own) else raw
             self.setpoint.take(time_ns, self._setpoint)
         self._tell(frame)
 
@@ -298,7 +296,7 @@ class Recorder:
             return self.events
         others = {
             edge.id for edge in cyclic.edges("stw1")
-            if (edge.speed and not self.speed) or (self.own and edge.bit == REVERSE)
+            if (edge.speed and not self.speed) or (self.own and edge.bit == pzd.REVERSE)
         }  # fmt: skip
         return [each for each in self.events if each.name not in others]
 

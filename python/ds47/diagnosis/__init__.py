@@ -19,7 +19,6 @@ from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
 from ds47.diagnosis.targets import reach_of
 from ds47.findings.remark import Corrected, Remark
-from ds47.model import SIEMENS
 from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.dictionary import is_known, listed
 from ds47.profidrive.drive_objects import LOCAL, put
@@ -122,6 +121,7 @@ class Diagnoses:
         remarks += [
             *length.request_too_short(job, [each.code for each in others]),
             *length.answer_cut(job, read),
+            *length.read_refused(job, size_of),
             *length.answer_too_long(
                 job, self._limits.get(device), self._longest.get(device, 0), size_of, read
             ),
@@ -321,7 +321,7 @@ class Diagnoses:
 
     def _listed(self, job: Job, pnu: int) -> int | None:
         """The format by the list of parameters, where nothing that was read of the device differs from it."""
-        code = _listed(pnu, job.peer.vendor_id == SIEMENS, job.peer.family)
+        code = format_of(pnu, job.peer.vendor_id, job.peer.family)
         return code if self._anywhere.get((job.peer.device, pnu), code) == code else None
 
     def _format(self, job: Job, pnu: int) -> int | None:
@@ -387,9 +387,9 @@ def is_unlikely(block: Block) -> bool:
     return False
 
 
-def _listed(pnu: int, siemens: bool, family: str | None) -> int | None:
-    """The format of a parameter by parameters.toml, where it speaks of this device."""
-    row = listed(pnu, SIEMENS if siemens else None, family)
+def format_of(pnu: int, vendor_id: int | None, family: str | None = None) -> int | None:
+    """The format of a parameter by parameters.toml, where it speaks of a device of this vendor."""
+    row = listed(pnu, vendor_id, family)
     return None if row is None else _codes().get(row.type.removesuffix("[]"))
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
-from ds47.acyclic.pairing import Job
+from ds47.acyclic.pairing import STATUS_SHORT, Job
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Request, decode_request
 from ds47.profidrive.formats import codec
@@ -110,6 +110,24 @@ def read_too_short(job: Job) -> Iterator[Remark]:
     for asked, refused in job.too_short:
         if asked is not None and 0 < asked.stated < need:
             yield Remark("DS712", refused.frame, {"asked": asked.stated, "need": need})
+
+
+def read_refused(job: Job, size_of: SizeOf) -> Iterator[Remark]:
+    """The same, and none brought the record: what all values of the request need at least."""
+    asked, answer, message = job.read_request, job.read_response, job.message
+    if asked is None or answer is None or answer.status != STATUS_SHORT:
+        return
+    if message is None or message.operation != "read":
+        return
+    need = answer_need(message, size_of)
+    if 0 < asked.stated < need:
+        args = {"asked": asked.stated, "need": need, "more": "mlen_request"}
+        yield Remark("DS712", answer.frame, args)
+
+
+def answer_need(request: Request, size_of: SizeOf) -> int:
+    """Bytes of a response with all values of a read; one byte a value at least where nobody knows their size."""
+    return MESSAGE_SIZE + sum(_least_block(each, size_of) for each in request.addresses)
 
 
 def _least_block(address: Address, size_of: SizeOf) -> int:

@@ -15,7 +15,7 @@ from ds47.model import SIEMENS
 from ds47.profidrive import Address, Request, Response, decode_request
 from ds47.profidrive.model import Block
 from ds47.profidrive.parameter import NOT_SUPPORTED
-from ds47.spec import SINAMICS, rules, vendor
+from ds47.spec import rules, vendor
 from ds47.spec.semantics import known
 
 WORD_ERRORS: Final = (0x05, 0x17)
@@ -148,7 +148,7 @@ def not_seen(job: Job) -> Iterator[Remark]:
 
 def _rule(job: Job, refusal: Refusal) -> str | None:
     facts, code = known(), refusal.code
-    siemens = _maker(job) == SIEMENS
+    siemens = job.peer.vendor_id == SIEMENS
     change = job.message is not None and job.message.operation == "change"
     if code == facts.axis_error:
         return "DS709"
@@ -161,11 +161,6 @@ def _rule(job: Job, refusal: Refusal) -> str | None:
     if code in facts.index_errors and _index_and_count(refusal) and not _by_subindex(job, refusal):
         return "DS717"
     return None
-
-
-def _maker(job: Job) -> int | None:
-    """Whose numbers the drive has; on PROFIBUS the family of its parameters says it."""
-    return SIEMENS if job.peer.drives == SINAMICS else job.peer.vendor_id
 
 
 def _by_subindex(job: Job, refusal: Refusal) -> bool:
@@ -217,7 +212,7 @@ def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
         "source": source,
         "state": known().commissioning.get(refusal.code),
         "code": refusal.code,
-        "vendor_id": _maker(job),
+        "vendor_id": job.peer.vendor_id,
         "family": job.peer.drives,
         **counted,
     }

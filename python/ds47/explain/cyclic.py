@@ -16,12 +16,12 @@ OUT, IN, SOURCE = "out", "in", "source"
 _NEAR = 4
 
 
-def named(name: str, value: int, lang: str) -> CodeMeaning:
-    """A word of cyclic frames whose name is given: the first one of PKW, or one of bits."""
-    return pkw(value, lang) if name == PKW else word(name, value, lang)
+def named(name: str, value: int, lang: str, vendor_id: int | None = None) -> CodeMeaning:
+    """A word of cyclic frames whose name is given: the first one of PKW, or one of bits, of a drive of a maker."""
+    return pkw(value, lang) if name == PKW else word(name, value, lang, vendor_id)
 
 
-def word(name: str, value: int, lang: str) -> CodeMeaning:
+def word(name: str, value: int, lang: str, vendor_id: int | None = None) -> CodeMeaning:
     """A control word or a status word: its bits; of a drive the state, and what is missing to the next one."""
     words, code = explanations.words(lang), f"16#{value:04X}"
     given = {"code": code, "decimal": signed(value)}
@@ -42,7 +42,7 @@ def word(name: str, value: int, lang: str) -> CodeMeaning:
         title = words["cyclic_word"].format_map(given | {"name": name.upper(), "text": what})
     parts = tuple(
         CodePart(str(row.bit), "", text)
-        for row in cyclic.bits(name)
+        for row in cyclic.bits(name, cyclic.family_of_words(vendor_id))
         if (text := row.said(value, lang))
     )
     entry = explanations.of_number(name, value) or explanations.of_unknown()

@@ -33,8 +33,21 @@ _CLASS_AND_CODE = re.compile(
 """As libraries of S7 and stacks of PROFINET log: `Error class: 133, error code: 0`, `err_cls 253 err_code 5`."""
 _PAIRED = re.compile(r"(?:.* )?0X([0-9A-F]{1,2}) ?/ ?0X([0-9A-F]{1,2})\b.*")
 """The same as libraries of S7 print it: `S7 protocol error 0x81/0x04`."""
+_SAID = r"\W+(?:[A-Z][A-Z_ -]*\()?(0X[0-9A-F]{1,2}|[0-9]{1,3})\b"
+_FOUR = re.compile(
+    r"(?:.*\W)?ERROR[_ ]?CODE"
+    + r".*?ERROR[_ ]?".join(
+        (_SAID, *(f"{name}{_SAID}" for name in ("DECODE", "CODE[_ ]?1", "CODE[_ ]?2")))
+    )
+    + ".*"
+)
+"""A status by the names of its bytes: `error_code=219 error_decode=129 ...`, `ErrorCode = RTA-ERR (0xCF)`."""
+_BYTES = re.compile(r"(?:.*\W)?" + ", ?".join(["(0X[0-9A-F]{1,2}|[0-9]{1,3})"] * 4))
+"""The same without them: `ERROR: 219, 129, 61, 0`."""
 _RTA, _ABORTED = 0xFD, 0xCF810000
 """The class of errors of the protocol of alarms (RTA), and the bytes in front of it in a status."""
+_EVENT = re.compile(r"^16# ?08:")
+"""In front of the channel error type in an event id of an S7: `16#08:9005`."""
 _PARAMETER = re.compile(r"(?:P|R|PNU) ?([0-9]{1,5})(?:\[[0-9]{1,5}\]|\.[0-9]{1,2})?")
 _MESSAGE = re.compile(r"([FA])([0-9]{4,5})")
 _BARE = re.compile(r"[1-9][0-9]{2,4}")
@@ -76,10 +89,9 @@ def read(text: str) -> Code:
         UnknownFormError: it has none of them.
     """
     plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
-    if pair := _CLASS_AND_CODE.fullmatch(plain.upper()):
-        return _class_and_code(text, *(int(each, 0) for each in pair.groups()))
-    if pair := _PAIRED.fullmatch(plain.upper()):
-        return _class_and_code(text, *(int(each, 16) for each in pair.groups()))
+    plain = _EVENT.sub("16#", plain)
+    if logged := _in_parts(text, plain.upper()):
+        return logged
     kind, digits = _split_kind(plain)
     code = digits.upper()
     if kind == PKW or kind in cyclic.bit_words():
@@ -114,11 +126,35 @@ def read(text: str) -> Code:
     return Code(code, kind, readings)
 
 
+def _in_parts(text: str, line: str) -> Code | None:
+    """A code whose bytes a log has apart: a status, or an error as class and code."""
+    if four := _FOUR.fullmatch(line) or _BYTES.fullmatch(line):
+        parts = [_byte(each) for each in four.groups()]
+        if _is_status(*parts):
+            return Code(text, "status", (Reading(STATUS, int.from_bytes(parts)),))
+    if pair := _CLASS_AND_CODE.fullmatch(line):
+        return _class_and_code(text, *map(_byte, pair.groups()))
+    if pair := _PAIRED.fullmatch(line):
+        return _class_and_code(text, *(int(each, 16) for each in pair.groups()))
+    return None
+
+
+def _byte(text: str) -> int:
+    """A byte, decimal or with 0X in front."""
+    return int(text, 16 if text.startswith("0X") else 10)
+
+
+def _is_status(*parts: int) -> bool:
+    """Whether four numbers are the bytes of a status."""
+    words = spec.status("en")
+    return max(parts) <= 0xFF and parts[0] in words.code and parts[1] in words.decode
+
+
 def _class_and_code(text: str, error_class: int, code: int) -> Code:
-    """An error as class and code: of the connection (RTA), or of S7 communication."""
+    """An error as class and code: of the connection (RTA, 0 in older p-net), or of S7 communication."""
     value = error_class << 8 | code
-    if error_class == _RTA:
-        return Code(text, "status", (Reading(STATUS, _ABORTED | value),))
+    if error_class == _RTA or (error_class == 0 and code):
+        return Code(text, "status", (Reading(STATUS, _ABORTED | _RTA << 8 | code),))
     if error_class == 0 or error_class not in s7.codes("error_class"):
         raise UnknownFormError(text)
     return Code(text, "s7_error", (Reading(WORD, value),))

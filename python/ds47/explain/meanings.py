@@ -111,7 +111,7 @@ def _meanings(
     if kind is None:
         yield from blocks.alone(reading, lang)
     if kind == PKW or kind in bit_words():
-        yield cyclic.named(str(kind), value, lang)
+        yield cyclic.named(str(kind), value, lang, None if vendor is None else vendor.id)
     elif kind in RETURNED or kind == S7_ERROR:
         if reading.size in (BYTE, WORD):
             yield _s7(value, lang) if kind == S7_ERROR else _number(str(kind), value, lang)
@@ -510,10 +510,11 @@ def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[CodeMea
 
 
 def _returned(value: int, lang: str) -> Iterator[CodeMeaning]:
-    """What system functions return: a number alone is more likely one of WRREC and RDREC."""
+    """What system functions return, and the diagnosis: a number alone is more likely one of WRREC and RDREC."""
     for kind in RETURNED:
         if explanations.of_number(kind, value) is not None:
             yield replace(_number(kind, value, lang), rank=explanations.rank("returned"))
+    yield from messages.message_class(value, lang)
 
 
 def _behind(meaning: CodeMeaning) -> CodeMeaning:

@@ -1,11 +1,19 @@
-"""What a fault or an alarm of a drive means: those of the bus are in explain.toml, all others in no table."""
+"""What a fault or an alarm of a drive means, and the classes of them that the diagnosis of a drive has.
+
+Those of the bus are in explain.toml, and the classes; all others in no table.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 from ds47.explain.answer import CodeMeaning, answer
 from ds47.explain.forms import FAULT, MESSAGES
 from ds47.spec import explanations
 
+CLASS = "message_class"
+_FIRST_CLASS = 0x8FFF
+"""What is added to the number of a message class."""
 _FIVE_DIGITS = 1000
 """From this number on faults and alarms are those of SINAMICS, which has five digits; MICROMASTER 4 has four."""
 
@@ -24,3 +32,27 @@ def meaning(kind: str, number: int, lang: str) -> CodeMeaning:
         filter_name=entry.filter, values={"value": "945" if kind == FAULT else "2122"},
         advice=None if entry.causes else words["fault_advice"].format(code=code),
     )  # fmt: skip
+
+
+def message_class(value: int, lang: str) -> Iterator[CodeMeaning]:
+    """A channel error type of a drive: the class of its faults and alarms."""
+    row, entry = explanations.message_classes().get(value), explanations.of_number(CLASS, value)
+    if row is None or entry is None:
+        return
+    code = f"0x{value:04X}"
+    title = explanations.words(lang)[CLASS].format(
+        code=code, number=value - _FIRST_CLASS, digits=f"{value:04X}", text=row.text(lang)
+    )
+    values = {"value": code.lower()}
+    yield answer(
+        CLASS,
+        code,
+        code,
+        title,
+        True,
+        entry,
+        lang,
+        rank=CLASS,
+        filter_name=entry.filter,
+        values=values,
+    )

@@ -295,13 +295,13 @@ def read_length_refused(client: Client) -> None:
 
 
 @BOOK.scene(
-    "MLEN 10, and the drive refuses the Read: no longer response is seen", REFUSED, rules="DS201"
+    "MLEN 22, and the drive refuses the Read: the request asks for no more", REFUSED, rules="DS201"
 )
 def read_length_alone_not(client: Client) -> None:
     """A Read that was too short, as far as its status says."""
     client.write(read(1, message.address(2902, 2, 4)))
     client.wait(CYCLE)
-    client.refuse_read(client.ask_read(maximum=10), DE_LENGTH)
+    client.refuse_read(client.ask_read(maximum=22), DE_LENGTH)
 
 
 @BOOK.scene(

@@ -175,10 +175,12 @@ class Master:
         self.service(way, (head + data).hex())
         self._polls(way, polls, refused or head.hex())
 
-    def read(self, way: Way, data: bytes = b"", polls: int = 1, refused: str = "") -> None:
-        """DS_Read of as much as there is, and polls until it is answered, or refused."""
+    def read(
+        self, way: Way, data: bytes = b"", polls: int = 1, refused: str = "", most: int = 240
+    ) -> None:
+        """DS_Read of as much as there is, up to `most` bytes, and polls until it is answered, or refused."""
         head = bytes((0x5E, way.slot, way.index))
-        self.service(way, (head + bytes((240,))).hex())
+        self.service(way, (head + bytes((most,))).hex())
         self._polls(way, polls, refused or (head + bytes((len(data),)) + data).hex())
 
     def _polls(self, way: Way, polls: int, last: str) -> None:

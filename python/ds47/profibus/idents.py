@@ -14,11 +14,16 @@ from ds47.spec import profibus
 
 
 class Idents:
-    """The ident numbers of stations, as they stand in their GSD; the newest of each kind."""
+    """The ident numbers of stations, as they stand in their GSD; the newest of each kind.
+
+    Args:
+        vendor_id: the assumed vendor of stations whose ident number does not tell it; None: no assumption.
+    """
 
     SERVICES: ClassVar = frozenset({dp.DIAGNOSIS, dp.PARAMETERS})
 
-    def __init__(self) -> None:
+    def __init__(self, vendor_id: int | None = None) -> None:
+        self._vendor_id = vendor_id
         self._said: dict[int, int] = {}
         self._sent: dict[int, int] = {}
 
@@ -36,14 +41,15 @@ class Idents:
         if isinstance(said, dp.SlaveDiagnosis) and said.ident is not None:
             self._said[station] = said.ident
 
-    def sent(self, station: int) -> int | None:
-        """The ident number that a station was parameterised with; None where no frame has said it yet."""
-        return self._sent.get(station)
+    def whose(self, station: int) -> tuple[int | None, str | None]:
+        """Vendor id and family of parameters (parameters.toml): by the ident number, else the assumed vendor."""
+        ident = self._said.get(station, self._sent.get(station))
+        vendor_id = profibus.vendor(ident)
+        if vendor_id is None:
+            return self._vendor_id, None
+        return vendor_id, profibus.family(ident)
 
-    def of(self, station: int) -> int | None:
-        """The ident number of a station; None where no frame has said it yet."""
-        return self._said.get(station, self._sent.get(station))
-
-    def family(self, station: int) -> str | None:
-        """The family of its parameters (spec/parameters.toml); None if unknown."""
-        return profibus.family(self.of(station))
+    def agree(self, station: int) -> bool:
+        """Whether master and station name the same ident number, and it is known."""
+        sent = self._sent.get(station)
+        return profibus.vendor(sent) is not None and self._said.get(station, sent) == sent

@@ -167,10 +167,10 @@ def needs(name: str, word: int) -> Both:
     return say("pzd_next", text=step) if step.en else Both.same("")
 
 
-def scaled(name: str, word: int, raw: int) -> Both:
+def scaled(name: str, word: int, raw: int, family: str | None = None) -> Both:
     """The setpoint behind a control word, or the actual value behind a status word, in percent of p2000."""
     percent = f"{pzd.percent(raw):.6g}"
     key = "pzd_setpoint" if name == "stw1" else "pzd_actual"
-    if name == "stw1" and word >> 11 & 1:
+    if name == "stw1" and pzd.turns(word, family == cyclic.OTHERS):
         key = "pzd_setpoint_reversed"
     return say(key, percent=percent, hex=f"{raw:04X}", number=str(pzd.signed(raw)))

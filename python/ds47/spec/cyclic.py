@@ -240,6 +240,13 @@ def float_range() -> tuple[float, float]:
 
 DRIVE_WORDS = ("stw1", "zsw1")
 """The control word and the status word of a drive."""
+OTHERS = "others"
+"""The drives of makers who are known, and have words of their own for some bits."""
+
+
+def family_of_words(vendor_id: int | None) -> str | None:
+    """Whose words the bits have: OTHERS, or None of Siemens and where nothing tells the maker."""
+    return None if vendor_id in (None, vendors()[0].id) else OTHERS
 
 
 @cache
@@ -255,12 +262,17 @@ def bits(word: str, family: str | None = None) -> tuple[Bit, ...]:
 
     Args:
         word: one of `bit_words`.
-        family: "micromaster", "positioning" or None.
+        family: "micromaster", "positioning", OTHERS or None.
     """
     found: dict[int, Bit] = {}
     for row in _load("pzd.toml" if word in DRIVE_WORDS else "telegrams.toml")[word]:
         if row.get("family") in (None, family):
             found[row["bit"]] = Bit(**row)
+    if family == OTHERS and word in DRIVE_WORDS:
+        own = _load("pzd.toml")["own"]
+        found |= {
+            bit: Bit(**{**own, "bit": bit, "family": OTHERS}) for bit in range(own["bit"], 16)
+        }
     return tuple(found[bit] for bit in sorted(found))
 
 

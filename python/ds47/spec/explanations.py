@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 from ds47.spec import _load, makers
@@ -169,6 +170,15 @@ def numbers(kind: str) -> frozenset[int]:
     """The numbers of a kind that have a meaning of their own."""
     rows = (row for row in _table()["number"] if row["kind"] == kind)
     return frozenset(code for row in rows for code in row.get("codes", ()))
+
+
+@cache
+def message_classes() -> Mapping[int, CodeCause]:
+    """What the channel error types of drives say; each has a text alone."""
+    rows = _table()["message_class"]
+    return MappingProxyType(
+        {row["code"]: CodeCause(row["en"], row["zh"], "documented") for row in rows}
+    )
 
 
 @cache

@@ -36,6 +36,7 @@ from ds47.report.reference import Reference
 from ds47.report.s7 import parts as parts_of_s7
 from ds47.report.zones import UNIVERSAL
 from ds47.spec import cyclic
+from ds47.spec.cyclic import OTHERS, family_of_words
 
 LEFT, WIDTH, RIGHT = 124, 880, 12
 """Of a drawing, in its own units: the names of the lanes, the time, and what is free behind it."""
@@ -201,6 +202,8 @@ class _Canvas:
         self.reference = reference
         self.timeline = timeline
         self.relation = relation
+        makers = (each.vendor for each in result.devices if relation.device in (each.ip, each.mac))
+        self.others = family_of_words(next(makers, None)) == OTHERS
         self.events = timeline.events
         self.first_ns = self.events[0].time_ns
         self.last_ns = max(timeline.end_ns or 0, self.events[-1].time_ns, self.first_ns + 1_000_000)
@@ -244,7 +247,7 @@ class _Canvas:
     def _cycles(self, frame: int, cycle_ms: float) -> Drawing:
         """Some cycles around a frame: all frames that the file has there, else those that were looked at."""
         half = round(CYCLES / 2 * cycle_ms * 1e6)
-        seen = closeup(self.path, self.relation, frame, 2 * half)
+        seen = closeup(self.path, self.relation, frame, 2 * half, others=self.others)
         moment = next((each.time_ns for each in seen if each.frame == frame), self._time(frame))
         canvas = self
         if seen:
