@@ -12,6 +12,7 @@
 #   make audit      let the auditor read N random conversations, planned from SEED on, and all captures
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
 #   make bench-hurtful  time and memory of conversations that want much of both    (BENCH="--frames 20000 100000")
+#   make fuzz       look for inputs on which ds47 breaks, MINUTES=1 in all, TARGETS="codec calls" of all (Linux, x86-64)
 #   make dist       write the plugin as one Lua file, dist/ds47-2_0_0_dev0.lua (the version, with underscores)
 #   make pyz        write the command as one file for any Python, dist/ds47.pyz
 #   make page       write the analyzer as one page for a browser without network, dist/ds47.html (needs npm)
@@ -44,6 +45,8 @@ PARALLEL ?= -n auto --dist loadfile --no-loadscope-reorder
 BENCH ?=
 N ?= 300
 SEED ?= 1
+MINUTES ?= 1
+TARGETS ?=
 MATRIX ?=
 PYTHONS ?=
 TRY ?=
@@ -65,7 +68,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons windows bench bench-hurtful dist pyz page wheelhouse site release try-release captures rule generated tables surface man screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons windows bench bench-hurtful fuzz dist pyz page wheelhouse site release try-release captures rule generated tables surface man screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -121,6 +124,15 @@ bench: $(STAMP)
 
 bench-hurtful: $(STAMP)
 	$(BIN)/python bench/hurtful.py $(BENCH)
+
+# Beside .venv, because there are wheels for few systems.
+build/fuzz/lib/.installed: tests/fuzz/requirements.txt $(STAMP)
+	@rm -rf build/fuzz/lib
+	@$(BIN)/python -m pip install --quiet --require-hashes --no-deps --only-binary :all: --target build/fuzz/lib -r $<
+	@touch $@
+
+fuzz: build/fuzz/lib/.installed
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(TARGETS)
 
 dist: $(RUN)
 	$(BIN)/python tools/make_bundle.py
@@ -229,6 +241,7 @@ constraints:
 	$(COMPILE) pyproject.toml --upgrade --all-extras --output-file constraints.txt
 	$(COMPILE) pyproject.toml --extra build --constraints constraints.txt --output-file constraints-run.txt
 	$(COMPILE) tools/site/requirements.in --upgrade --output-file tools/site/requirements.txt
+	$(COMPILE) tests/fuzz/requirements.in --output-file tests/fuzz/requirements.txt
 	$(COMPILE) tools/resolver/requirements.in --output-file tools/resolver/requirements.txt
 
 clean:

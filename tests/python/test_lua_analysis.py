@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO
+from unittest.mock import patch
 
 import pytest
 import test_cyclic_scenes
@@ -31,7 +32,7 @@ from test_cyclic_scenes import SCENES
 from tests.audit import cuts, lossy, seeds, wire
 from whole_capture import without_analyzers
 
-from ds47 import lab
+from ds47 import analysis, lab
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Frame, open_capture
 from ds47.capture.scan import (
@@ -48,6 +49,7 @@ from ds47.profinet import ip
 from ds47.profinet.link import dissect, mac
 from ds47.report import json as report
 from ds47.report.sentences import at_offset
+from ds47.spec.semantics import limits
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
@@ -70,6 +72,8 @@ SMALL = 200_000
 """Bytes of a file up to which the end is played after every packet, too."""
 BROKEN = 100
 """Mixed and broken captures for each Lua version, other ones for each."""
+SMALL_LIMITS = ({"unanswered_writes": 2},)
+"""Limits that few captures reach, so small that many do."""
 VOLATILE = 944
 """A parameter that the drive itself changes (spec/parameters.toml)."""
 VERSIONS = ("5.2", "5.3", "5.4")
@@ -218,10 +222,17 @@ def text(item: Any) -> str:
 
 @lru_cache(maxsize=6)  # as many as one test asks about, so that the next Lua finds them
 def of_python(
-    sources: tuple[Source, ...], lang: str, options: AnalysisOptions
+    sources: tuple[Source, ...],
+    lang: str,
+    options: AnalysisOptions,
+    fewer: tuple[tuple[str, int], ...],
 ) -> tuple[str, list[str]]:
-    """What Lua is given, and what it has to say: the same for each version, of which one follows the other."""
+    """What Lua is given, and what it has to say: the same for each version, of which one follows the other.
+
+    `fewer`: limits that are otherwise than in spec/limits.toml.
+    """
     given, wanted = [], []
+    bounds = limits().but(**dict(fewer))
     for source in sources:
         begin = {"kind": "begin", "lang": lang, "look": source.look}
         begin["layouts"] = dict(options.pkw_layouts)
@@ -230,7 +241,9 @@ def of_python(
         )
         begin["vendor_id"] = options.vendor_id
         begin["ppos"] = " ".join(f"{station}=ppo{number}" for station, number in options.ppos)
-        result = analyze(source.open(), options)
+        begin["limits"] = dict(fewer)
+        with patch.object(analysis, "limits", lambda: bounds):
+            result = analyze(source.open(), options)
         end = {"kind": "end", "dropped": bool(result.dropped)}
         given += [begin, *lines(everything(source.open())), end]
         result = without_analyzers(result)
@@ -244,13 +257,14 @@ def compare(
     sources: Sequence[Source],
     folder: Path,
     options: AnalysisOptions = AnalysisOptions(),  # noqa: B008
+    **fewer: int,
 ) -> None:
     """Runs all of them through one Lua process; fails where one result is not Python's.
 
     "en zh" is the result in both languages.
     """
     given, got = folder / "input", folder / "output"
-    asked, wanted = of_python(tuple(sources), lang, options)
+    asked, wanted = of_python(tuple(sources), lang, options, tuple(fewer.items()))
     given.write_text(asked, encoding="utf-8")
     with got.open("wb") as output:
         subprocess.run([lua(version), DRIVER, given], stdout=output, check=True, timeout=300)
@@ -503,6 +517,15 @@ def test_mixed_and_broken_captures_give_the_same_result(version: str, tmp_path: 
     first = 1000 * VERSIONS.index(version)
     sources = [by_chance(seed, files) for seed in range(first, first + BROKEN)]
     compare(version, "en", sources, tmp_path)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_small_limits_give_the_same_result(version: str, tmp_path: Path) -> None:
+    files = [frames for path in CAPTURES if (frames := frames_of(path)) and len(frames) < 200]
+    sources = [by_chance(7000 + seed, files) for seed in range(30)]
+    sources += [Source(each.__name__, each(), False) for each in troubles.ALL]
+    for fewer in SMALL_LIMITS:
+        compare(version, "en", sources, tmp_path, **fewer)
 
 
 def numbered(frame: Frame, number: int, pnu: int | None) -> bytes:

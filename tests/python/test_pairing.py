@@ -358,6 +358,22 @@ def test_pending_writes_and_channels_are_bounded() -> None:
     assert channel.closed == [first, *rest]
 
 
+def test_unanswered_writes_of_all_channels_are_bounded() -> None:
+    """The oldest goes, whichever channel it is on; those that were answered, or ended, do not count."""
+    channel = Channel(LIMITS.but(unanswered_writes=2))
+    oldest = channel.ask(1)
+    for number in range(2, 9):
+        channel.written(channel.ask(number, slot=2))
+    accepted = list(channel.closed)
+    other = channel.ask(10, slot=3)
+    assert channel.closed == accepted
+    newest = channel.ask(11, slot=4)
+    assert channel.closed == [*accepted, oldest]
+    assert (oldest.limit, other.phase, newest.phase) == ("unanswered_writes", "asked", "asked")
+    channel.pairing.finish()
+    assert not channel.pairing._unanswered
+
+
 @pytest.mark.parametrize(
     ("missing", "own"), [(None, True), (Missing("calls", 2, 9, "5..9"), False)]
 )

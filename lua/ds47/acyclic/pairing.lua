@@ -205,6 +205,7 @@ function M.new(limits, listener, completeness)
     connects = ordered.new(), -- AR key -> its newest Connect, {frame, time_ns}
     starts = ordered.new(), -- PROFIBUS station -> when it last got its parameters, {frame, time_ns}
     connected_ars = ordered.new(), -- controller and device -> the newest AR of cyclic data
+    unanswered = ordered.new(), -- order of a Write in `asked` of any channel -> its job
     replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> the Connect
     any_replaced = false, -- whether there may be one: rare, but every record asks for it
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
@@ -380,12 +381,22 @@ local function leave_refused(self, channel)
   channel.refused = nil
 end
 
+local function no_longer_asked(self, channel, job)
+  take_from(channel.asked, job)
+  self.unanswered:pop(job.order)
+end
+
 -- A limit closes a job: its response may still come.
 local function push_out(self, job, limit)
   if job.read_response == nil and not job.write_refused then
     job.limit, self.forgot_requests = limit, true
   end
   close(self, job, "")
+end
+
+local function push_out_asked(self, job, limit)
+  no_longer_asked(self, self.channels.values[job.channel_key], job)
+  push_out(self, job, limit)
 end
 
 -- Indices of channels: a name -> the keys of its channels, in the order of first sight.
@@ -438,6 +449,7 @@ local function close_channel(self, channel, reason, at, limit)
   take_out(self.of_ar, channel.ar_key, channel.key)
   take_out(self.of_place, channel.place, channel.key)
   self.channels:pop(channel.key)
+  for _, job in ipairs(channel.asked) do self.unanswered:pop(job.order) end
   for _, job in ipairs(jobs_of(channel)) do
     if limit then
       push_out(self, job, limit)
@@ -546,7 +558,7 @@ end
 local function accept(self, channel, job)
   if job.order > channel.accepted then channel.accepted = job.order end
   if job.phase == "asked" then
-    take_from(channel.asked, job)
+    no_longer_asked(self, channel, job)
     if job:write_told() then written_again(channel, job) end
     local open = channel.open
     if open then displace(self, channel, job) end
@@ -594,7 +606,7 @@ local function refuse(self, channel, job)
   job.phase = PHASES[before].write_refused
   if before == "answered" then return end
   if before == "asked" then
-    take_from(channel.asked, job)
+    no_longer_asked(self, channel, job)
   else
     channel.open = nil
   end
@@ -729,7 +741,7 @@ end
 -- newer one: then the record came late.
 local function presume(self, channel, job)
   if channel.open and channel.open.order > job.order then
-    take_from(channel.asked, job)
+    no_longer_asked(self, channel, job)
     job.phase = PHASES[job.phase].write_accepted
   else
     accept(self, channel, job)
@@ -743,7 +755,7 @@ local function set_aside(self, channel, job, missing)
   elseif channel.refused == job then
     channel.refused = nil
   else
-    take_from(channel.asked, job)
+    no_longer_asked(self, channel, job)
   end
   if not (job.read_response or job.write_refused) then job.missing = missing end
   close(self, job, "")
@@ -755,7 +767,7 @@ local function read(self, channel, job, event, record)
   if phase == "refused" and event == "read_record" then
     compare(self, channel.last, job, half)
   elseif phase == "asked" and event == "read_cut" then
-    take_from(channel.asked, job) -- accepted or not: the status is cut off, too
+    no_longer_asked(self, channel, job) -- accepted or not: the status is cut off, too
     channel.accepted = math.max(channel.accepted, job.order) -- no older Write waits any more
   elseif phase == "asked" and event ~= "read_empty" and event ~= "read_short" then
     presume(self, channel, job)
@@ -835,7 +847,12 @@ function Pairing:write_request(peer, record, message)
   channel.reference, channel.written_frame = message.request_reference, half.frame
   touch(self, job, "write_request", half)
   self.listener:asked(job)
-  if count > self.limits.pending_writes then push_out(self, table.remove(asked, 1), "pending_writes") end
+  self.unanswered:set(job.order, job)
+  if count > self.limits.pending_writes then push_out_asked(self, asked[1], "pending_writes") end
+  if self.unanswered.length > self.limits.unanswered_writes then
+    local _, oldest = self.unanswered:first()
+    push_out_asked(self, oldest, "unanswered_writes")
+  end
   return job
 end
 

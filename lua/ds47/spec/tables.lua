@@ -141,6 +141,7 @@ M.limits = {
   events = 65536,
   users = 64,
   pending_writes = 64,
+  unanswered_writes = 32768,
   reads = 4096,
   waiting_calls = 4096,
   waiting_ars = 16,

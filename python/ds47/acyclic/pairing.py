@@ -342,6 +342,8 @@ class Pairing:
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
         self._of_place: dict[tuple[str, int, int, int, int], dict[ChannelKey, None]] = {}
         """The channels of each place, for any controller and AR; the newest is the last."""
+        self._unanswered: OrderedDict[int, Job] = OrderedDict()
+        """The Writes in `asked` of all channels, by their order."""
         self._pushed_out = False
         """Whether a limit pushed out requests whose responses may still come."""
         self._delivered: OrderedDict[tuple[str, int, int, int, int], Job] = OrderedDict()
@@ -383,10 +385,16 @@ class Pairing:
             job.uncounted = message.request_reference in last
         channel.reference, channel.written_frame = message.request_reference, asked.frame
         channel.asked.append(job)
+        self._unanswered[job.order] = job
         if message.operation == "change":
             self._outcomes.append(("asked", job, None))
-        if len(channel.asked) > self._limits.pending_writes:
-            self._push_out(channel.asked.pop(0), "pending_writes")
+        for oldest, count, limit in (
+            (channel.asked[0], len(channel.asked), "pending_writes"),
+            (next(iter(self._unanswered.values())), len(self._unanswered), "unanswered_writes"),
+        ):
+            if count > getattr(self._limits, limit):
+                self._no_longer_asked(self.channels[oldest.key], oldest)
+                self._push_out(oldest, limit)
         return job
 
     def write_response(self, job: Job, response: Half | None, *, fault: bool = False) -> None:
@@ -670,7 +678,7 @@ class Pairing:
         elif channel.refused is job:
             channel.refused = None
         else:
-            channel.asked.remove(job)
+            self._no_longer_asked(channel, job)
         if job.read_response is None and not job.write_refused:
             job.missing = missing
         self._close(job, "")
@@ -914,7 +922,7 @@ class Pairing:
         """An accepted Write opens its job. It displaces the open job, and closes the refused one."""
         channel.accepted = max(channel.accepted, job.order)
         if job.phase == "asked":
-            channel.asked.remove(job)
+            self._no_longer_asked(channel, job)
             if channel.asked and job.write_told:
                 _written_again(channel, job)
             if channel.open is not None:
@@ -949,7 +957,7 @@ class Pairing:
         The Write does not displace a newer one: then the record came late.
         """
         if channel.open is not None and channel.open.order > job.order:
-            channel.asked.remove(job)
+            self._no_longer_asked(channel, job)
             job.phase = self._table[job.phase]["write_accepted"]
         else:
             self._accept(channel, job)
@@ -1001,7 +1009,7 @@ class Pairing:
         if before == "answered":
             return
         if before == "asked":
-            channel.asked.remove(job)
+            self._no_longer_asked(channel, job)
         else:
             channel.open = None
         if channel.refused is not None:
@@ -1056,7 +1064,7 @@ class Pairing:
         if event == "read_record" and job.phase == "refused":
             self._compare(channel.last, job, half)
         if job.phase == "asked" and event == "read_cut":
-            channel.asked.remove(job)  # accepted or not: the status is cut off, too
+            self._no_longer_asked(channel, job)  # accepted or not: the status is cut off, too
             channel.accepted = max(channel.accepted, job.order)  # no older Write waits any more
         elif job.phase == "asked" and event not in ("read_empty", "read_short"):
             self._presume(channel, job)
@@ -1158,6 +1166,10 @@ class Pairing:
         job.phase = self._table[job.phase][event]
         self._outcomes.append(("closed", job, None))
 
+    def _no_longer_asked(self, channel: Channel, job: Job) -> None:
+        channel.asked.remove(job)
+        del self._unanswered[job.order]
+
     def _push_out(self, job: Job, limit: str) -> None:
         """A limit closes a job: its response may still come."""
         if job.read_response is None and not job.write_refused:
@@ -1171,6 +1183,8 @@ class Pairing:
         _take_out(self._of_place, _spot(key), key)
         channel = self.channels.pop(key)
         why = _at_the_end(channel) if reason == "end" else _may_be_displaced(channel)
+        for job in channel.asked:
+            del self._unanswered[job.order]
         for job in channel.jobs():
             if limit:
                 self._push_out(job, limit)

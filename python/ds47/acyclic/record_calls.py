@@ -41,7 +41,7 @@ from ds47.spec.layouts import (
 from ds47.spec.semantics import Limits
 
 OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
-_OF_REQUESTS: Final = ("calls", "activities", "pending_writes")
+_OF_REQUESTS: Final = ("calls", "activities", "pending_writes", "unanswered_writes")
 """Limits that push out requests: then only their responses may still come."""
 
 

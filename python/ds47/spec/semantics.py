@@ -55,6 +55,7 @@ class Limits(Row):
     events: int
     users: int
     pending_writes: int
+    unanswered_writes: int
     reads: int
     waiting_calls: int
     waiting_ars: int
