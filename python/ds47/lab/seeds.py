@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ds47.lab.client import Client
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 
 BOOK = Book("seed")
 
@@ -27,25 +27,25 @@ def _play(client: Client, *examples: tuple[str, str], buffer: int = 0) -> None:
         client.wait(100)
 
 
-@BOOK.scene("one parameter, Float32 10.0, DO 2", OK_READ)
+@BOOK.scene("one parameter, Float32 10.0, DO 2", "read ok")
 def dcm_read(client: Client) -> None:
     """SINAMICS DCM: read p50303."""
     _play(client, DCM_READ)
 
 
-@BOOK.scene("one parameter, Float32 100.0, DO 2", OK_CHANGE, rules="DS721")
+@BOOK.scene("one parameter, Float32 100.0, DO 2", "change ok, DS721")
 def dcm_change(client: Client) -> None:
     """SINAMICS DCM: change p50304."""
     _play(client, DCM_CHANGE)
 
 
-@BOOK.scene("two parameters, one of them four elements of an array", OK_READ)
+@BOOK.scene("two parameters, one of them four elements of an array", "read ok")
 def g120_read(client: Client) -> None:
     """G120: read P2900 and r2902[2..5]."""
     _play(client, G120_READ)
 
 
-@BOOK.scene("two parameters in one change", OK_CHANGE, rules="DS721")
+@BOOK.scene("two parameters in one change", "change ok, DS721")
 def g120_change(client: Client) -> None:
     """G120: change P2900 and P2901."""
     _play(client, G120_CHANGE)
@@ -53,9 +53,7 @@ def g120_change(client: Client) -> None:
 
 @BOOK.scene(
     "the two G120 programs one after the other, both with reference 1",
-    OK_READ,
-    OK_CHANGE,
-    rules="DS415 DS721",
+    "read ok, change ok, DS415 DS721",
 )
 def g120_constant_reference(client: Client) -> None:
     """G120: read, then change, with the reference left as it is."""
@@ -64,8 +62,7 @@ def g120_constant_reference(client: Client) -> None:
 
 @BOOK.scene(
     "WRREC sends its whole buffer of 40 bytes: zeros behind a request of 16",
-    OK_CHANGE,
-    rules="DS314 DS721",
+    "change ok, DS314 DS721",
 )
 def dcm_buffer(client: Client) -> None:
     """SINAMICS DCM: change p50304 from a buffer of 40 bytes."""
