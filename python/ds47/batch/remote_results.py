@@ -31,11 +31,7 @@ _READ_ONLY = ("http://", "https://")
 
 
 class RemoteResults(Results):
-    """A folder behind a URL.
-
-    Raises:
-        ds47.capture.CaptureError: nothing opens such a URL.
-    """
+    """A folder behind a URL. Raises CaptureError where nothing opens such a URL."""
 
     def __init__(
         self, url: str, options: AnalysisOptions, lang: str, expected: tuple[Expectation, ...]
@@ -88,11 +84,7 @@ class RemoteResults(Results):
         overview.unlink()
 
     def fetch(self, tasks: Sequence[Task]) -> None:
-        """Gets the results that are there.
-
-        Raises:
-            OSError: they cannot be read.
-        """
+        """Gets the results that are there. Raises OSError where they cannot be read."""
         with self._reached():
             there = self._there()
             wanted = [task for task in tasks if self._remote(task) in there]
@@ -111,11 +103,7 @@ class RemoteResults(Results):
         return why
 
     def keep(self, task: Task) -> None:
-        """Writes a new result to the URL.
-
-        Raises:
-            Lost: it cannot be written.
-        """
+        """Writes a new result to the URL. Raises Lost where it cannot be written."""
         try:
             with self._reached():
                 self._system.put_file(str(self.path_of(task)), self._remote(task))

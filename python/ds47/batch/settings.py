@@ -46,11 +46,7 @@ class Settings(NamedTuple):
 
 
 def parse(table: Any) -> Settings:
-    """The settings of a table `[cyclic]`.
-
-    Raises:
-        ValueError: the key and what is allowed.
-    """
+    """The settings of a table `[cyclic]`. Raises ValueError with the key and what is allowed."""
     from ds47.cyclic import named  # most folders have no settings
 
     table = _checked(table, "cyclic", "channels", "pkw_layout", "ppo")
@@ -67,11 +63,7 @@ def parse(table: Any) -> Settings:
 
 
 def parse_s7(table: Any) -> Choices:
-    """The choices of a table `[s7]`.
-
-    Raises:
-        ValueError: the key and what is allowed.
-    """
+    """The choices of a table `[s7]`. Raises ValueError with the key and what is allowed."""
     table = _checked(table, "s7", "ports", "cpu", "block", "readback")
     ports, readback = table.get("ports", []), table.get("readback", False)
     if not isinstance(ports, list) or not all(type(each) is int for each in ports):
@@ -103,11 +95,7 @@ def parse_names(table: Any) -> int | None:
 
 
 def parse_expect(table: Any) -> str | None:
-    """The name of the golden list in `[expect]`.
-
-    Raises:
-        ValueError: the key and what is allowed.
-    """
+    """The name of the golden list in `[expect]`. Raises ValueError with the key and what is allowed."""
     name = _checked(table, "expect", "file").get("file")
     if table and not (isinstance(name, str) and name):
         raise ValueError('[expect] file: write the name of a list, such as "golden.toml"')
@@ -115,11 +103,7 @@ def parse_expect(table: Any) -> str | None:
 
 
 def _checked(table: Any, name: str, *known: str) -> dict[str, Any]:
-    """A table of the file that has no other keys.
-
-    Raises:
-        ValueError: the key and what is allowed.
-    """
+    """A table of the file that has no other keys. Raises ValueError with the key and what is allowed."""
     if not isinstance(table, dict):
         raise ValueError(f"{name}: write it as a table, [{name}]")
     unknown, are = set(table) - set(known), "is" if len(known) == 1 else "are"
@@ -150,11 +134,7 @@ def layout(text: str) -> tuple[str, str]:
 
 
 def parse_tz(text: Any) -> Zone:
-    """The zone of `tz` in `[report]`.
-
-    Raises:
-        ValueError: what is allowed.
-    """
+    """The zone of `tz` in `[report]`. Raises ValueError with what is allowed."""
     try:
         return zone(str(text))
     except ValueError as problem:

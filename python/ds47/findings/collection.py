@@ -120,8 +120,7 @@ class Findings:
     def result(self, transactions: Mapping[int, Transaction]) -> list[Finding]:
         """All findings in the order of their frames; their transactions get to know their rules.
 
-        Args:
-            transactions: by the order of their jobs.
+        `transactions`: by the order of their jobs.
         """
         findings: list[Finding] = []
         owners: dict[int, Transaction] = {}

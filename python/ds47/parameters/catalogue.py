@@ -22,11 +22,7 @@ class CatalogueEntry(NamedTuple):
 
 
 class Catalogue:
-    """Lists together; empty without any.
-
-    Args:
-        lists: in the order in which they were named.
-    """
+    """Lists together; empty without any. `lists`: in the order in which they were named."""
 
     def __init__(self, lists: Iterable[ParameterList] = ()) -> None:
         ordered = sorted(lists, key=lambda each: (_closeness(each), _version(each.firmware)))

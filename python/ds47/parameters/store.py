@@ -58,11 +58,7 @@ def files() -> list[Path]:
 
 
 def kept() -> list[tuple[Path, ParameterList]]:
-    """All lists that are kept, in the order of `files`.
-
-    Raises:
-        ListError: one of them cannot be read.
-    """
+    """All lists that are kept, in the order of `files`. Raises ListError where one of them cannot be read."""
     from ds47.parameters.lists import read
 
     return [(path, read(path)) for path in files()]

@@ -177,8 +177,7 @@ class LineStation:
 class LineStations:
     """Takes the frames and the exchanges of a line.
 
-    Args:
-        heard: gets each exchange with an answer, and its station before the exchange counts there.
+    `heard`: gets each exchange with an answer, and its station before the exchange counts there.
     """
 
     def __init__(self, heard: Callable[[LineStation, Exchange, LineFrame], None]) -> None:

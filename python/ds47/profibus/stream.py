@@ -46,8 +46,7 @@ class LinePiece:
 class TelegramReader:
     """Takes bytes as they come, and gives their frames.
 
-    Args:
-        border: whether a frame begins with the first byte; a recording that someone started does not know.
+    `border`: whether a frame begins with the first byte; a recording that someone started does not know.
     """
 
     def __init__(self, border: bool = True) -> None:

@@ -210,8 +210,7 @@ def size(data: bytes) -> int | None:
 def decode(data: bytes) -> Telegram:
     """The frame in these bytes, with its flaws; takes any bytes (docs/profibus.md 2).
 
-    Args:
-        data: all bytes of one frame, from its start byte; extra ones are a flaw.
+    `data`: all bytes of one frame, from its start byte; extra ones are a flaw.
     """
     if len(data) < _LEAST:
         return _short(data)

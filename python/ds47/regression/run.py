@@ -108,11 +108,7 @@ def result_of(
     options: AnalysisOptions | None = None,
     expected: tuple[Expectation, ...] = (),
 ) -> CaptureResult:
-    """Analyses a capture or series, with its digest.
-
-    Raises:
-        ds47.capture.CaptureError: it cannot be read at all.
-    """
+    """Analyses a capture or series, with its digest. Raises CaptureError where it cannot be read at all."""
     return readable(task, (options or AnalysisOptions())._replace(digest=True), expected)
 
 

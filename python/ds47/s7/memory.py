@@ -74,11 +74,7 @@ class MemoryImage:
 
 
 class Memory:
-    """One area, or one data block, of a partner.
-
-    Args:
-        most: accesses that are kept by themselves.
-    """
+    """One area, or one data block, of a partner. `most`: accesses that are kept by themselves."""
 
     def __init__(self, most: int) -> None:
         self._most = most

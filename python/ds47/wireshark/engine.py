@@ -249,8 +249,7 @@ def preferences(options: AnalysisOptions) -> list[str]:
 
     Rules are not left out by the plugin but afterwards: those of the comparison would be missing.
 
-    Raises:
-        ds47.wireshark.tshark.NotReadyError: the plugin takes whole milliseconds.
+    Raises NotReadyError where the plugin takes whole milliseconds.
     """
     slow_ms = limits().slow_ns / 1e6 if options.slow_ms is None else options.slow_ms
     if not 0 <= slow_ms <= _MOST_MS or slow_ms != int(slow_ms):
