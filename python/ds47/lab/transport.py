@@ -52,14 +52,10 @@ def _orders(order: Order, answer: Order | None, name: str, title: str) -> None:
         client.exchange(
             message.change(2, 1, (message.address(1070), message.word(7))), message.changed(2, 1)
         )
-        _refused(client)
+        client.write(message.read(3, 1, SPEED), status=0xDF80B500)
 
     shows = "UUID, numbers and PNIOStatus follow the byte order of each PDU"
     BOOK.add(name, title, shows, build, ["read ok, change ok, read refused, DS203 DS705 DS721"])
-
-
-def _refused(client: Client) -> None:
-    client.write(message.read(3, 1, SPEED), status=0xDF80B500)
 
 
 _orders(">", None, "big-endian", "Controller and drive big-endian")

@@ -402,7 +402,7 @@ class Comparison:
     def _findings(self) -> Iterator[Change]:
         """A finding is known by its rule and its transaction; in the same file by all it says."""
         stored_as = {new: old for old, new in self.pairs if new is not None}
-        olds = Counter(self._finding_keys(self._old, None))
+        olds = Counter([key for key, _ in self._keyed(self._old, None)])
         for key, finding in self._keyed(self._new, stored_as):
             if olds[key] > 0:
                 olds[key] -= 1
@@ -414,9 +414,6 @@ class Comparison:
             if olds[key] > 0:
                 olds[key] -= 1
                 yield self._finding("finding_gone", finding, self._olds, self._old_frames)
-
-    def _finding_keys(self, result: Json, stored_as: dict[int, int | None] | None) -> list[Any]:
-        return [key for key, _ in self._keyed(result, stored_as)]
 
     def _keyed(
         self, result: Json, stored_as: dict[int, int | None] | None
