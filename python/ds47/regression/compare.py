@@ -37,7 +37,7 @@ KINDS = (
 """What a change can be about."""
 
 _FLOATS = ("Float32", "Float64")
-_STATE = ("state",)
+_EVENT = ("name", "word", "before", "after", "state")
 _SAID = (
     "operation",
     "request_reference",
@@ -222,9 +222,9 @@ class Comparison:
         s7 = new.get("channel") == S7
         said = tuple(key for key in _SAID if key not in _COUNTED) if s7 else _SAID
         recorded = _RECORDED + (_COUNTED if s7 else ())
-        for key in _STATE + said + (recorded if self.same_file else ()):
+        for key in ("state", *said, *(recorded if self.same_file else ())):
             if key in old and old[key] != new.get(key):  # an older result has not all keys
-                kind = "state" if key in _STATE else "field"
+                kind = "state" if key == "state" else "field"
                 yield self._field(kind, where, (key,), old, new, **about)
         if not self._duration_fits(old.get("duration_ms"), new.get("duration_ms")):
             yield self._field("timing", where, ("duration_ms",), old, new, **about)
@@ -253,12 +253,7 @@ class Comparison:
                 if was != now:
                     name = after.get("address") or before.get("address") or str(number + 1)
                     text = self._say(
-                        "change_field_of",
-                        where,
-                        field=key,
-                        name=name,
-                        was=_show(was),
-                        now=_show(now),
+                        "change_field_of", where, field=key, name=name, was=_show(was), now=_show(now)
                     )
                     yield Change(
                         "value" if key == "value" else "error" if key == "code" else "field", text,
@@ -489,14 +484,7 @@ def _timelines(result: Json, same_file: bool) -> dict[str, list[tuple[Any, ...]]
         drive = f"{relation['device']} slot {relation['slot']}.{relation['subslot']}"
         telegrams = relation["telegrams"] if same_file else None
         found.setdefault(drive, []).extend(
-            (
-                event["name"],
-                event["word"],
-                event["before"],
-                event["after"],
-                event["state"],
-                *((event["frame"], telegrams) if same_file else ()),
-            )
+            (*(event[key] for key in _EVENT), *((event["frame"], telegrams) if same_file else ()))
             for event in each["events"]
         )
     return found

@@ -22,19 +22,7 @@ from scapy.layers.dcerpc import DceRpc, DceRpc4
 from scapy.layers.inet import UDP
 from scapy.packet import Packet, Raw, bind_bottom_up, bind_layers, bind_top_down
 
-from ds47 import spec
-from ds47.profidrive import (
-    Address,
-    Block,
-    Request,
-    Response,
-    decode_request,
-    decode_response,
-    encode_request,
-    encode_response,
-    error_block,
-    make_block,
-)
+from ds47 import profidrive, spec
 from ds47.profidrive.model import ERROR
 from ds47.profidrive.naming import element
 from ds47.spec.layouts import MESSAGE_SIZE
@@ -120,7 +108,7 @@ class DS47Block(_Part):
         block = self.block()
         return bytes((block.format, block.value_count)) + block.raw + block.pad
 
-    def block(self) -> Block:
+    def block(self) -> profidrive.Block:
         """The block of the codec. Raises ValueError for values that the format cannot carry."""
         made = _made(self.format, self.values, self.error_words or [], self.raw is not None)
         made.format = self.format
@@ -133,7 +121,7 @@ class DS47Block(_Part):
         return made
 
     @classmethod
-    def of(cls, block: Block, parent: Packet) -> DS47Block:
+    def of(cls, block: profidrive.Block, parent: Packet) -> DS47Block:
         """The layer of a decoded block."""
         words = block.error.words if block.error else []
         layer = cls(format=block.format, value_count=block.value_count, values=block.values,
@@ -147,15 +135,19 @@ class DS47Block(_Part):
         return layer
 
 
-def _made(code: int, values: list[Any], words: list[int], raw: bool) -> Block:
+def _made(code: int, values: list[Any], words: list[int], raw: bool) -> profidrive.Block:
     """A block from values; one whose bytes are given needs no more than its header."""
     if raw:
-        return Block(code, len(values), [], None, None, b"")
+        return profidrive.Block(code, len(values), [], None, None, b"")
     if code != ERROR:
-        return make_block(code, values)
+        return profidrive.make_block(code, values)
     if not 1 <= len(words) <= 2:
         raise ValueError(f"an error block has one or two error_words, not {len(words)}: set raw")
-    return error_block(*words) if len(words) == 2 else error_block(words[0], None)
+    return (
+        profidrive.error_block(*words)
+        if len(words) == 2
+        else profidrive.error_block(words[0], None)
+    )
 
 
 class _Message(Packet):  # type: ignore[misc]
@@ -180,7 +172,7 @@ class _Message(Packet):  # type: ignore[misc]
     def _bytes(self) -> bytes:
         raise NotImplementedError
 
-    def _blocks(self) -> list[Block]:
+    def _blocks(self) -> list[profidrive.Block]:
         return [layer.block() for layer in self.blocks]
 
 
@@ -212,7 +204,7 @@ class DS47Request(_Message):
     """
 
     name = "DS47 request"
-    decode = staticmethod(decode_request)
+    decode = staticmethod(profidrive.decode_request)
     dispatch_hook = classmethod(_layer)  # scapy looks for it in the class itself
     fields_desc = [  # noqa: RUF012
         ByteField("request_reference", 1),
@@ -236,17 +228,17 @@ class DS47Request(_Message):
         self.fields["rest"] = request.rest
 
     def _bytes(self) -> bytes:
-        return encode_request(self.message())
+        return profidrive.encode_request(self.message())
 
-    def message(self) -> Request:
+    def message(self) -> profidrive.Request:
         """The request of the codec. Raises ValueError for values that a format cannot carry."""
         addresses = [
-            Address(each.attribute, each.element_count, each.pnu, each.subindex)
+            profidrive.Address(each.attribute, each.element_count, each.pnu, each.subindex)
             for each in self.addresses
         ]
         count = len(addresses) if self.parameter_count is None else self.parameter_count
         head = (self.request_reference, self.request_id, self.axis, count)
-        return Request(*head, addresses=addresses, blocks=self._blocks(), rest=self.rest)
+        return profidrive.Request(*head, addresses=addresses, blocks=self._blocks(), rest=self.rest)
 
     pnu = _of_first("addresses", "pnu", "Parameter number of the first address, None without one.")
     subindex = _of_first("addresses", "subindex", "Subindex of the first address.")
@@ -268,7 +260,7 @@ class DS47Response(_Message):
     """
 
     name = "DS47 response"
-    decode = staticmethod(decode_response)
+    decode = staticmethod(profidrive.decode_response)
     dispatch_hook = classmethod(_layer)  # scapy looks for it in the class itself
     fields_desc = [  # noqa: RUF012
         ByteField("request_reference", 1),
@@ -286,15 +278,15 @@ class DS47Response(_Message):
         self.fields["rest"] = response.rest
 
     def _bytes(self) -> bytes:
-        return encode_response(self.message())
+        return profidrive.encode_response(self.message())
 
-    def message(self) -> Response:
+    def message(self) -> profidrive.Response:
         """The response of the codec. Raises ValueError for values that a format cannot carry."""
         blocks = self._blocks()
         count = self.parameter_count
         count = (len(blocks) or 1) if count is None else count
         head = (self.request_reference, self.response_id, self.axis, count)
-        return Response(*head, blocks=blocks, rest=self.rest)
+        return profidrive.Response(*head, blocks=blocks, rest=self.rest)
 
     format = _of_first("blocks", "format", "Format of the first block, None without one.")
     value_count = _of_first("blocks", "value_count", "Value count of the first block.")
@@ -308,7 +300,7 @@ class DS47Response(_Message):
         return str(self.sprintf("DS47 %DS47Response.response_id% response"))
 
 
-def _head(message: Request | Response) -> dict[str, int | None]:
+def _head(message: profidrive.Request | profidrive.Response) -> dict[str, int | None]:
     return {
         "request_reference": message.request_reference,
         "axis": message.axis,
