@@ -270,6 +270,17 @@ def every_event(client: Client) -> None:
 # PKW
 
 
+def _saved(client: Client, times: int) -> None:
+    it = machine(client).start()
+    for number in range(times):
+        it.change(1082, real(40 + number), ak=13)
+
+
+def _slow(client: Client, pnu: int, pause: int, cycles: int) -> None:
+    """The drive responds after so many cycles; so many stands the request."""
+    machine(client, pause=pause).start().read(pnu, cycles=cycles)
+
+
 @BOOK.scene("DS507: a double word is changed as a word", "read ok, change error, DS501 DS507")
 def word_on_double_word(client: Client) -> None:
     """A parameter that was read as a double word is changed as a word."""
@@ -282,20 +293,13 @@ def word_on_word(client: Client) -> None:
     machine(client).start().read(700).change(700, b"\0\2", ak=2)
 
 
-@BOOK.scene("DS508: twelve changes that save", "12 change ok, DS508")
-def saved_often(client: Client) -> None:
-    """The program saves a parameter with each change."""
-    it = machine(client).start()
-    for number in range(12):
-        it.change(1082, real(40 + number), ak=13)
-
-
-@BOOK.scene("Near DS508: ten of them", "10 change ok")
-def saved_seldom(client: Client) -> None:
-    """The program saves a parameter ten times."""
-    it = machine(client).start()
-    for number in range(10):
-        it.change(1082, real(40 + number), ak=13)
+BOOK.scenes(
+    _saved,
+    ("saved-often", "The program saves a parameter with each change", "DS508: twelve changes that save",
+     "12 change ok, DS508", 12),
+    ("saved-seldom", "The program saves a parameter ten times", "Near DS508: ten of them",
+     "10 change ok", 10),
+)  # fmt: skip
 
 
 @BOOK.scene("DS509: 120 reads of one parameter", "120 read ok, DS509")
@@ -327,28 +331,17 @@ def right_layout(client: Client) -> None:
     machine(client).start().read(2010, 1, ak=6)
 
 
-@BOOK.scene("DS511: a response after 1.6 s", "read ok, DS511")
-def slow_response(client: Client) -> None:
-    """The drive takes its time."""
-    machine(client, pause=100).start().read(1082, cycles=110)
-
-
-@BOOK.scene("Near DS511: a response after 0.8 s", "read ok")
-def less_slow_response(client: Client) -> None:
-    """The drive takes some time."""
-    machine(client, pause=50).start().read(1082, cycles=60)
-
-
-@BOOK.scene("DS514: what reads as a request stands for 40 cycles", "DS514")
-def request_ignored(client: Client) -> None:
-    """A drive beside whose words something reads as a request, and that does not respond to it."""
-    machine(client, pause=10_000).start().read(700, cycles=40)
-
-
-@BOOK.scene("Near DS514: it stands for 20 cycles")
-def request_ignored_shortly(client: Client) -> None:
-    """The program takes it back sooner."""
-    machine(client, pause=10_000).start().read(700, cycles=20)
+BOOK.scenes(
+    _slow,
+    ("slow-response", "The drive takes its time", "DS511: a response after 1.6 s", "read ok, DS511",
+     1082, 100, 110),
+    ("less-slow-response", "The drive takes some time", "Near DS511: a response after 0.8 s", "read ok",
+     1082, 50, 60),
+    ("request-ignored", "A drive beside whose words something reads as a request, and that does not respond to it",
+     "DS514: what reads as a request stands for 40 cycles", "DS514", 700, 10_000, 40),
+    ("request-ignored-shortly", "The program takes it back sooner",
+     "Near DS514: it stands for 20 cycles", "", 700, 10_000, 20),
+)  # fmt: skip
 
 
 @BOOK.scene(

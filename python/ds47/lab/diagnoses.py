@@ -129,22 +129,15 @@ def _faults(client: Client, status: int) -> None:
     client.read(answer)
 
 
-@BOOK.scene(
-    "the second Write fails, the Read brings the first response again: a fault long acknowledged still shows",
-    "read ok, read refused, DS203 DS415 DS704",
-)
-def old_answer(client: Client) -> None:
-    """An old response after a failed Write."""
-    _faults(client, DF_BUSY)
-
-
-@BOOK.scene(
-    "the same bytes, but the second Write is accepted: the fault is really still there",
-    "2 read ok, DS415",
-)
-def old_answer_not(client: Client) -> None:
-    """The same value asked for twice."""
-    _faults(client, 0)
+BOOK.scenes(
+    _faults,
+    ("old-answer", "An old response after a failed Write",
+     "the second Write fails, the Read brings the first response again: a fault long acknowledged still shows",
+     "read ok, read refused, DS203 DS415 DS704", DF_BUSY),
+    ("old-answer-not", "The same value asked for twice",
+     "the same bytes, but the second Write is accepted: the fault is really still there",
+     "2 read ok, DS415", 0),
+)  # fmt: skip
 
 
 @BOOK.scene(

@@ -167,16 +167,13 @@ def _fetch_four(client: Client, maximum: int) -> None:
     client.accept_read(call, whole[:maximum])
 
 
-@BOOK.scene("MLEN 10 for a response of 22 bytes: the drive sends 10", "read error, DS315 DS712")
-def read_length(client: Client) -> None:
-    """MLEN smaller than the response."""
-    _four(client, 10)
-
-
-@BOOK.scene("MLEN 22, the response to the byte", "read ok")
-def read_length_not(client: Client) -> None:
-    """MLEN as long as the response."""
-    _four(client, 22)
+BOOK.scenes(
+    _four,
+    ("read-length", "MLEN smaller than the response",
+     "MLEN 10 for a response of 22 bytes: the drive sends 10", "read error, DS315 DS712", 10),
+    ("read-length-not", "MLEN as long as the response", "MLEN 22, the response to the byte", "read ok",
+     22),
+)  # fmt: skip
 
 
 @BOOK.scene(

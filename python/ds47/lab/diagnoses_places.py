@@ -164,19 +164,14 @@ def _two_axes(client: Client, index: int) -> None:
         client.wait(CYCLE)
 
 
-@BOOK.scene(
-    "axes 1 and 2 asked through 0xB02E of slot 2: both times the same drive object answers",
-    "2 read ok, DS710",
-)
-def axis_byte_ignored(client: Client) -> None:
-    """Two axis numbers on the local access point."""
-    _two_axes(client, LOCAL)
-
-
-@BOOK.scene("the same through 0xB02F, where the axis byte counts", "2 read ok")
-def axis_byte_ignored_not(client: Client) -> None:
-    """Two axis numbers on the global access point."""
-    _two_axes(client, GLOBAL)
+BOOK.scenes(
+    _two_axes,
+    ("axis-byte-ignored", "Two axis numbers on the local access point",
+     "axes 1 and 2 asked through 0xB02E of slot 2: both times the same drive object answers",
+     "2 read ok, DS710", LOCAL),
+    ("axis-byte-ignored-not", "Two axis numbers on the global access point",
+     "the same through 0xB02F, where the axis byte counts", "2 read ok", GLOBAL),
+)  # fmt: skip
 
 
 # The connection ends inside a job (DS722)
@@ -213,7 +208,7 @@ def connection_lost_unread_not(client: Client) -> None:
     client.release()
 
 
-def _restart(client: Client, *, read_before: bool) -> None:
+def _restart(client: Client, read_before: bool) -> None:
     """The drive restarts; the controller sets up a new AR, under another UUID, and asks again."""
     client.connect("plc-1")
     client.write(read(1))
@@ -225,16 +220,11 @@ def _restart(client: Client, *, read_before: bool) -> None:
     ask(client, 2)
 
 
-@BOOK.scene(
-    "no Release: a new Connect 3 s after the request, the drive was restarted",
-    "read unanswered, read ok, DS401 DS722",
-)
-def connection_lost_restart(client: Client) -> None:
-    """A new Connect inside a job."""
-    _restart(client, read_before=False)
-
-
-@BOOK.scene("the same restart, but the response was read before", "2 read ok")
-def connection_lost_restart_not(client: Client) -> None:
-    """A new Connect between two jobs."""
-    _restart(client, read_before=True)
+BOOK.scenes(
+    _restart,
+    ("connection-lost-restart", "A new Connect inside a job",
+     "no Release: a new Connect 3 s after the request, the drive was restarted",
+     "read unanswered, read ok, DS401 DS722", False),
+    ("connection-lost-restart-not", "A new Connect between two jobs",
+     "the same restart, but the response was read before", "2 read ok", True),
+)  # fmt: skip

@@ -65,18 +65,15 @@ def _changes(client: Client, values: list[float]) -> None:
     save(client, len(values) + 1)
 
 
-@BOOK.scene(
-    "P2900 := 25.0, eight times, every 100 ms: REQ of WRREC stays TRUE", "9 change ok, DS723"
-)
-def request_held(client: Client) -> None:
-    """The same change again and again."""
-    _changes(client, [25.0] * 8)
-
-
-@BOOK.scene("eight changes at the same period, each with a value of its own: a ramp", "9 change ok")
-def request_held_not(client: Client) -> None:
-    """Changes of a value that moves."""
-    _changes(client, [25.0 + number for number in range(8)])
+BOOK.scenes(
+    _changes,
+    ("request-held", "The same change again and again",
+     "P2900 := 25.0, eight times, every 100 ms: REQ of WRREC stays TRUE", "9 change ok, DS723",
+     [25.0] * 8),
+    ("request-held-not", "Changes of a value that moves",
+     "eight changes at the same period, each with a value of its own: a ramp", "9 change ok",
+     [25.0 + number for number in range(8)]),
+)  # fmt: skip
 
 
 # Polls without a pause (DS724)
@@ -91,25 +88,16 @@ def _asked(client: Client, jobs: int, count: int, pause: float) -> None:
         client.wait(CYCLE)
 
 
-@BOOK.scene(
-    "three reads in a row, RDREC in every cycle of 2 ms: twelve polls each",
-    "3 read ok, DS204 DS724",
-)
-def polling_storm(client: Client) -> None:
-    """A Read in every cycle."""
-    _asked(client, 3, 12, 0)
-
-
-@BOOK.scene("the same drive, as slow as before, asked every 12 ms: two polls each", "3 read ok")
-def polling_storm_not(client: Client) -> None:
-    """Reads with a pause."""
-    _asked(client, 3, 2, CYCLE)
-
-
-@BOOK.scene("one read, polled 120 times in 240 ms", "read ok, DS204 DS724")
-def polling_storm_one(client: Client) -> None:
-    """More than a hundred Reads for one response."""
-    _asked(client, 1, 120, 0)
+BOOK.scenes(
+    _asked,
+    ("polling-storm", "A Read in every cycle",
+     "three reads in a row, RDREC in every cycle of 2 ms: twelve polls each", "3 read ok, DS204 DS724",
+     3, 12, 0),
+    ("polling-storm-not", "Reads with a pause",
+     "the same drive, as slow as before, asked every 12 ms: two polls each", "3 read ok", 3, 2, CYCLE),
+    ("polling-storm-one", "More than a hundred Reads for one response",
+     "one read, polled 120 times in 240 ms", "read ok, DS204 DS724", 1, 120, 0),
+)  # fmt: skip
 
 
 # A part of the conversation (DS725)
@@ -140,22 +128,15 @@ def _heard_from(client: Client, speaker: str) -> None:
         ask(client, reference, 1500.0 + reference)
 
 
-@BOOK.scene(
-    "a mirror port that carries what the controller sends and nothing else",
-    "3 read incomplete, DS101 DS110 DS725",
-)
-def half_captured(client: Client) -> None:
-    """Requests only."""
-    _heard_from(client, controller().ip)
-
-
-@BOOK.scene(
-    "a mirror port that carries what the drive sends and nothing else",
-    "3 read orphan, DS102 DS403 DS725",
-)
-def half_captured_responses(client: Client) -> None:
-    """Responses only."""
-    _heard_from(client, drive().ip)
+BOOK.scenes(
+    _heard_from,
+    ("half-captured", "Requests only",
+     "a mirror port that carries what the controller sends and nothing else",
+     "3 read incomplete, DS101 DS110 DS725", controller().ip),
+    ("half-captured-responses", "Responses only",
+     "a mirror port that carries what the drive sends and nothing else",
+     "3 read orphan, DS102 DS403 DS725", drive().ip),
+)  # fmt: skip
 
 
 @BOOK.scene(

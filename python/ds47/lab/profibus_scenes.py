@@ -36,6 +36,15 @@ def going(master: Master, cycles: int = 3, code: int = fdl.LOW) -> Master:
     return master
 
 
+def _started(master: Master, *how: str) -> None:
+    running(master, *how)
+
+
+def _polled(master: Master, polls: int) -> None:
+    running(master).write(HERE, READ)
+    master.read(HERE, ANSWER, polls=polls)
+
+
 # Frames
 
 
@@ -160,18 +169,13 @@ def identification(master: Master) -> None:
     going(master)
 
 
-@BOOK.scene("DS807: 101 polls", "read ok, DS807")
-def polled_often(master: Master) -> None:
-    """The station takes 101 polls for its response."""
-    running(master).write(HERE, READ)
-    master.read(HERE, ANSWER, polls=POLL_LIMIT + 1)
-
-
-@BOOK.scene("Near DS807: 100 polls", "read ok")
-def polled(master: Master) -> None:
-    """The station takes 100 polls for its response."""
-    running(master).write(HERE, READ)
-    master.read(HERE, ANSWER, polls=POLL_LIMIT)
+BOOK.scenes(
+    _polled,
+    ("polled-often", "The station takes 101 polls for its response", "DS807: 101 polls",
+     "read ok, DS807", POLL_LIMIT + 1),
+    ("polled", "The station takes 100 polls for its response", "Near DS807: 100 polls", "read ok",
+     POLL_LIMIT),
+)  # fmt: skip
 
 
 @BOOK.scene("DS808: a read of index 47 before any write", "read ok, DS703 DS808")
@@ -266,18 +270,6 @@ def diagnosis_read(master: Master) -> None:
     going(master)
 
 
-@BOOK.scene("DS813: PKW as 73", "DS813")
-def pkw_word_by_word(master: Master) -> None:
-    """PKW is configured without consistency over its whole length."""
-    running(master, configured="73f1")
-
-
-@BOOK.scene("Near DS813: PKW as F3, and PZD as 71")
-def pzd_word_by_word(master: Master) -> None:
-    """PZD alone is configured without consistency over its whole length."""
-    running(master, configured="f371")
-
-
 @BOOK.scene("DS814: Cfg_Fault", "DS814")
 def configuration_refused(master: Master) -> None:
     """The station refuses the configuration."""
@@ -293,10 +285,16 @@ def not_ready_yet(master: Master) -> None:
     going(master)
 
 
-@BOOK.scene("DS815: Set_Prm locks the station, and leaves the watchdog off", "DS815")
-def no_watchdog(master: Master) -> None:
-    """The watchdog of the station is switched off."""
-    running(master, "b0" + SET_PRM[2:], diagnosis="0004000280b5")
+BOOK.scenes(
+    _started,
+    ("pkw-word-by-word", "PKW is configured without consistency over its whole length",
+     "DS813: PKW as 73", "DS813", SET_PRM, "73f1"),
+    ("pzd-word-by-word", "PZD alone is configured without consistency over its whole length",
+     "Near DS813: PKW as F3, and PZD as 71", "", SET_PRM, "f371"),
+    ("no-watchdog", "The watchdog of the station is switched off",
+     "DS815: Set_Prm locks the station, and leaves the watchdog off", "DS815", "b0" + SET_PRM[2:], PPO1,
+     "0004000280b5"),
+)  # fmt: skip
 
 
 @BOOK.scene("Near DS815: Set_Prm without watchdog that locks nothing")

@@ -102,6 +102,11 @@ class _Captures(Scenes[Who, str]):
     def actor(self) -> Actor:
         """A new actor on a fresh stage."""
 
+    def scenes(self, build: Callable[..., None], *rows: tuple[Any, ...]) -> None:
+        """Add scenes that one function plays: name, title, what it shows, what it expects, arguments of each."""
+        for name, title, shows, expect, *given in rows:
+            self.add(name, title, shows, lambda who, given=given: build(who, *given), [expect])
+
     def add(
         self,
         name: str,

@@ -45,51 +45,43 @@ def _long_change(client: Client) -> None:
     client.exchange(message.change(2, 1, (LONG, message.real(*range(50)))), message.changed(2, 1))
 
 
-def _orders(order: Order, answer: Order | None, name: str, title: str) -> None:
-    def build(client: Client) -> None:
-        client.order, client.answer_order = order, answer
-        _speed(client)
-        client.exchange(
-            message.change(2, 1, (message.address(1070), message.word(7))), message.changed(2, 1)
-        )
-        client.write(message.read(3, 1, SPEED), status=0xDF80B500)
-
-    shows = "UUID, numbers and PNIOStatus follow the byte order of each PDU"
-    BOOK.add(name, title, shows, build, ["read ok, change ok, read refused, DS203 DS705 DS721"])
+def _orders(client: Client, order: Order, answer: Order | None) -> None:
+    client.order, client.answer_order = order, answer
+    _speed(client)
+    client.exchange(
+        message.change(2, 1, (message.address(1070), message.word(7))), message.changed(2, 1)
+    )
+    client.write(message.read(3, 1, SPEED), status=0xDF80B500)
 
 
-_orders(">", None, "big-endian", "Controller and drive big-endian")
-_orders("<", None, "little-endian", "Controller and drive little-endian")
-_orders(">", "<", "big-little", "Big-endian controller, little-endian drive")
-_orders("<", ">", "little-big", "Little-endian controller, big-endian drive")
+_SWAPPED = (
+    "UUID, numbers and PNIOStatus follow the byte order of each PDU",
+    "read ok, change ok, read refused, DS203 DS705 DS721",
+)
+BOOK.scenes(
+    _orders,
+    ("big-endian", "Controller and drive big-endian", *_SWAPPED, ">", None),
+    ("little-endian", "Controller and drive little-endian", *_SWAPPED, "<", None),
+    ("big-little", "Big-endian controller, little-endian drive", *_SWAPPED, ">", "<"),
+    ("little-big", "Little-endian controller, big-endian drive", *_SWAPPED, "<", ">"),
+)
 
 
-@BOOK.scene("802.1Q tag, priority 6", "read ok")
-def vlan(client: Client) -> None:
-    """One VLAN tag."""
-    client.stage.tags = ((ether.CTAG, 10),)
+def _carried(client: Client, link: int, *tags: tuple[int, int]) -> None:
+    client.stage.link, client.stage.tags = link, tags
     _speed(client)
 
 
-@BOOK.scene("802.1ad tag around an 802.1Q tag", "read ok")
-def qinq(client: Client) -> None:
-    """Two VLAN tags."""
-    client.stage.tags = ((ether.STAG, 100), (ether.CTAG, 10))
-    _speed(client)
-
-
-@BOOK.scene("link type 113, as `tcpdump -i any` writes", "read ok")
-def sll(client: Client) -> None:
-    """Linux cooked capture, version 1."""
-    client.stage.link = ether.COOKED
-    _speed(client)
-
-
-@BOOK.scene("link type 276, as newer `tcpdump -i any` writes", "read ok")
-def sll2(client: Client) -> None:
-    """Linux cooked capture, version 2."""
-    client.stage.link = ether.COOKED2
-    _speed(client)
+BOOK.scenes(
+    _carried,
+    ("vlan", "One VLAN tag", "802.1Q tag, priority 6", "read ok", ether.ETHERNET, (ether.CTAG, 10)),
+    ("qinq", "Two VLAN tags", "802.1ad tag around an 802.1Q tag", "read ok", ether.ETHERNET,
+     (ether.STAG, 100), (ether.CTAG, 10)),
+    ("sll", "Linux cooked capture, version 1", "link type 113, as `tcpdump -i any` writes", "read ok",
+     ether.COOKED),
+    ("sll2", "Linux cooked capture, version 2", "link type 276, as newer `tcpdump -i any` writes",
+     "read ok", ether.COOKED2),
+)  # fmt: skip
 
 
 @BOOK.scene("requests and responses in IP fragments", "read ok, change ok, DS721")
