@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.scenario import Book
@@ -22,47 +20,38 @@ TEN, FIVE = message.real(10.0), message.real(5.0)
 ANSWER = message.answer(1, 1, 1, TEN)
 NO_PARAMETER, LIMIT, NOT_NOW = 0x00, 0x02, 0x6B
 
-EXCHANGES: tuple[tuple[str, str, str, str, bytes, bytes], ...] = (
-    ("wrong-reference", "The response mirrors another reference", "DS404", "read mismatch",
-     READ, message.answer(2, 1, 1, TEN)),
-    ("wrong-id", "A read answered as a change", "DS405", "read mismatch",
-     READ, message.changed(1, 1)),
-    ("wrong-axis", "The response mirrors another DO", "DS406", "read mismatch",
-     READ, message.answer(1, 1, 2, TEN)),
-    ("fewer-parameters", "Two parameters asked for, one answered", "DS407", "read partial",
-     BOTH, message.answer(1, 1, 1, TEN)),
-    ("fewer-values", "Four elements asked for, two answered", "DS408", "read ok",
+BOOK.scenes(
+    Client.exchange,
+    ("wrong-reference", "The response mirrors another reference", "", "read mismatch, DS404", READ,
+     message.answer(2, 1, 1, TEN)),
+    ("wrong-id", "A read answered as a change", "", "read mismatch, DS405", READ, message.changed(1, 1)),
+    ("wrong-axis", "The response mirrors another DO", "", "read mismatch, DS406", READ,
+     message.answer(1, 1, 2, TEN)),
+    ("fewer-parameters", "Two parameters asked for, one answered", "", "read partial, DS407", BOTH,
+     message.answer(1, 1, 1, TEN)),
+    ("fewer-values", "Four elements asked for, two answered", "", "read ok, DS408",
      message.read(1, 1, ARRAY), message.answer(1, 1, 1, message.real(1.0, 2.0))),
-    ("more-values", "One element asked for, five answered", "DS409", "read ok",
-     message.read(1, 1, message.address(964)),
-     message.answer(1, 1, 1, message.word(1, 2, 3, 4, 5))),
-    ("more-parameters", "One parameter asked for, two answered", "DS407", "read mismatch",
-     READ, message.answer(1, 1, 1, TEN, FIVE)),
-    ("error", "A read of a parameter that does not exist", "DS410 DS701", "read error",
-     READ, message.answer(1, 0x81, 1, message.error(NO_PARAMETER))),
-    ("error-one-word", "An error block without additional information", "DS410 DS701", "read error",
-     READ, message.answer(1, 0x81, 1, message.error(NO_PARAMETER, None))),
-    ("partial-read", "One of two parameters failed", "DS410 DS701", "read partial",
-     BOTH, message.answer(1, 0x81, 1, TEN, message.error(NO_PARAMETER))),
-    ("partial-change", "One of two changes failed", "DS410 DS719 DS721", "change partial",
-     CHANGE_BOTH, message.answer(1, 0x82, 1, message.done(), message.error(NOT_NOW))),
-    ("error-change", "Both changes failed", "DS410 DS719", "change error",
-     CHANGE_BOTH, message.answer(1, 0x82, 1, message.error(LIMIT, 0), message.error(NOT_NOW))),
-    ("positive-with-error", "A positive response with an error inside", "DS410 DS411",
-     "read partial", BOTH, message.answer(1, 1, 1, TEN, message.error(NO_PARAMETER))),
-    ("negative-without-error", "A negative response without an error inside", "DS412",
-     "read error",
-     READ, message.answer(1, 0x81, 1, TEN)),
-    ("not-supported", "Response ID 0x80: only single access", "DS410 DS418", "read error",
-     READ, message.answer(1, 0x80, 1, message.error(0x21))),
+    ("more-values", "One element asked for, five answered", "", "read ok, DS409",
+     message.read(1, 1, message.address(964)), message.answer(1, 1, 1, message.word(1, 2, 3, 4, 5))),
+    ("more-parameters", "One parameter asked for, two answered", "", "read mismatch, DS407", READ,
+     message.answer(1, 1, 1, TEN, FIVE)),
+    ("error", "A read of a parameter that does not exist", "", "read error, DS410 DS701", READ,
+     message.answer(1, 0x81, 1, message.error(NO_PARAMETER))),
+    ("error-one-word", "An error block without additional information", "", "read error, DS410 DS701", READ,
+     message.answer(1, 0x81, 1, message.error(NO_PARAMETER, None))),
+    ("partial-read", "One of two parameters failed", "", "read partial, DS410 DS701", BOTH,
+     message.answer(1, 0x81, 1, TEN, message.error(NO_PARAMETER))),
+    ("partial-change", "One of two changes failed", "", "change partial, DS410 DS719 DS721", CHANGE_BOTH,
+     message.answer(1, 0x82, 1, message.done(), message.error(NOT_NOW))),
+    ("error-change", "Both changes failed", "", "change error, DS410 DS719", CHANGE_BOTH,
+     message.answer(1, 0x82, 1, message.error(LIMIT, 0), message.error(NOT_NOW))),
+    ("positive-with-error", "A positive response with an error inside", "", "read partial, DS410 DS411",
+     BOTH, message.answer(1, 1, 1, TEN, message.error(NO_PARAMETER))),
+    ("negative-without-error", "A negative response without an error inside", "", "read error, DS412", READ,
+     message.answer(1, 0x81, 1, TEN)),
+    ("not-supported", "Response ID 0x80: only single access", "", "read error, DS410 DS418", READ,
+     message.answer(1, 0x80, 1, message.error(0x21))),
 )  # fmt: skip
-"""(name, title, rules, transaction, request, response)."""
-
-
-for _name, _title, _rules, _expect, _request, _response in EXCHANGES:
-    _shows = f"{_rules.replace(' ', ', ')} and no other finding"
-    _build = partial(Client.exchange, request=_request, response=_response)
-    BOOK.add(_name, _title, _shows, _build, [_expect], _rules)
 
 
 def _goes_on(client: Client) -> None:

@@ -16,12 +16,11 @@ from ds47.lab.diagnoses_refused import (
     TOO_LONG,
     UNKNOWN,
     RequestAndReply,
-    Row,
     bounced,
     change,
     dword,
-    enter,
     failed,
+    play_all,
     taken,
 )
 from ds47.lab.scenario import Book
@@ -65,18 +64,19 @@ FIRST = RequestAndReply(read(3), speed(3))
 ARRAY = read(4, message.address(2902, 2, 4))
 ARRAY_READ = RequestAndReply(ARRAY, message.answer(4, 1, 1, message.real(10.0, 20.0, 50.0, 100.0)))
 
-REPAIR_ROWS: tuple[Row, ...] = (
+BOOK.scenes(
+    play_all,
     ("value-in-wrong-type", "A REAL under an integer format",
      "P2900 gets the bits of 10.0 as Unsigned32 1092616192: error 0x05", "change error, DS410 DS714",
      failed(change(1, FIXED, dword(TEN)), DATA_TYPE)),
     ("value-in-wrong-type-not", "A REAL under its own format",
-     "the same bits as Float32: the drive takes them", "change ok",
+     "the same bits as Float32: the drive takes them", "2 change ok",
      taken(change(1, FIXED, message.real(10.0)))),
     ("value-in-wrong-type-integer", "A whole number under a floating-point format",
      "p0922 gets DINT 1 with format 08, which is 1.4e-45: error 0x05", "change error, DS410 DS714",
      failed(change(1, message.address(922), dword(1, message.FLOAT32)), DATA_TYPE)),
     ("value-in-wrong-type-taken", "A whole number under a floating-point format, and the drive takes it",
-     "P2900 := 10 as DINT with format 08: the drive sets 1.4e-44 %, which is nothing", "change ok, DS714",
+     "P2900 := 10 as DINT with format 08: the drive sets 1.4e-44 %, which is nothing", "2 change ok, DS714",
      taken(change(1, FIXED, dword(10, message.FLOAT32)))),
     ("bytes-swapped", "A request with the low byte of each word first",
      "reference 4 arrives as request ID 4: the Write is refused",
@@ -89,8 +89,8 @@ REPAIR_ROWS: tuple[Row, ...] = (
     ("bytes-swapped-fields-not", "A parameter whose number looks swapped",
      "parameter 21515, and the drive has it", "read ok",
      RequestAndReply(read(1, little(2900)), speed(1, 10.0))),
-    ("bytes-swapped-values", "A value with the low byte first",
-     "10.0 arrives as 1.1e-41: error 0x02", "change error, DS410 DS715",
+    ("bytes-swapped-values", "A value with the low byte first", "10.0 arrives as 1.1e-41: error 0x02",
+     "change error, DS410 DS715",
      failed(change(1, FIXED, message.raw_block(8, 1, TEN.to_bytes(4, "little"))), LIMITS)),
     ("data-block-layout", "Every byte in a word of its own",
      "an array of WORD instead of BYTE: zeros between the bytes, the Write is refused",
@@ -121,13 +121,14 @@ def arrays(answered: int, limit: int = 0, reference: int = 1) -> list[RequestAnd
     return [known, many] if limit else [many]
 
 
-LENGTH_ROWS: tuple[Row, ...] = (
+BOOK.scenes(
+    play_all,
     ("request-length", "LEN smaller than the request",
      "LEN 12 for a change of 16 bytes: the value is missing, the Write is refused",
      "read ok, change refused, DS203 DS315 DS711", FIRST, bounced(WHOLE_CHANGE[:12])),
     ("request-length-not", "LEN greater than the request",
      "LEN 20 for a change of 16 bytes: four zeros behind it, the drive does not mind",
-     "read ok, change ok, DS314", FIRST, taken(WHOLE_CHANGE + bytes(4))),
+     "read ok, 2 change ok, DS314", FIRST, taken(WHOLE_CHANGE + bytes(4))),
     ("response-too-long", "More values than one response can carry",
      "8 arrays of 34 bytes each asked for: the drive answers the 6 that fit into 240 bytes",
      "read partial, DS407 DS713", *arrays(6)),
@@ -146,9 +147,6 @@ LENGTH_ROWS: tuple[Row, ...] = (
      "r0974 says 242 bytes: six of eight arrays are answered, a seventh would make 242",
      "read ok, read partial, DS407", *arrays(6, limit=242)),
 )  # fmt: skip
-
-for _row in (*REPAIR_ROWS, *LENGTH_ROWS):
-    enter(BOOK, *_row)
 
 
 # MLEN of RDREC (DS712)

@@ -103,9 +103,18 @@ class _Captures(Scenes[Who, str]):
         """A new actor on a fresh stage."""
 
     def scenes(self, build: Callable[..., None], *rows: tuple[Any, ...]) -> None:
-        """Add scenes that one function plays: name, title, what it shows, what it expects, arguments of each."""
+        """Add scenes that one function plays: name, title, what it shows, what it expects, arguments of each.
+
+        What shows nothing else ("") shows its rules.
+        """
         for name, title, shows, expect, *given in rows:
-            self.add(name, title, shows, lambda who, given=given: build(who, *given), [expect])
+            rules = expect.partition("DS")[1] + expect.partition("DS")[2]
+            shows = shows or f"{rules.replace(' ', ', ')} and no other finding"
+
+            def play(who: Who, given: Sequence[Any] = given) -> None:
+                build(who, *given)
+
+            self.add(name, title, shows, play, [expect])
 
     def add(
         self,
