@@ -70,11 +70,7 @@ class RemoteResults(Results):
         return set()
 
     def begin(self) -> None:
-        """Whether the folder can be written; an overview of an earlier run is not that of this one.
-
-        Raises:
-            OSError: it cannot.
-        """
+        """Whether the folder can be written; an overview of an earlier run is not that of this one."""
         super().begin()
         overview = self.folder / OVERVIEW
         overview.write_text("{}")
@@ -156,11 +152,7 @@ def results_at(
     lang: str = "en",
     expected: tuple[Expectation, ...] = (),
 ) -> Results:
-    """The results in a folder of this machine, or behind a URL.
-
-    Raises:
-        ds47.capture.CaptureError: nothing opens such a URL.
-    """
+    """The results in a folder of this machine, or behind a URL."""
     if not is_url(name):
         return Results(Path(name), options, lang, expected)
     system, path = file_system(name)

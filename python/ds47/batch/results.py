@@ -161,11 +161,7 @@ class Results:
         return self.folder / self._names[task.path]
 
     def name(self, tasks: Sequence[Task], roots: Sequence[str]) -> None:
-        """Gives each task the name of its result: its path below the folder that was named.
-
-        Raises:
-            SameNameError: two would have the same.
-        """
+        """Gives each task the name of its result: its path below the folder that was named."""
         owners: dict[str, str] = {}
         for task in tasks:
             name = f"{_below(task.path, roots)}.json"
@@ -275,11 +271,7 @@ class Results:
                     yield str(path), stream.read(LOOKED_AT)
 
     def begin(self) -> None:
-        """Makes the folder; an overview of an earlier run is not that of this one.
-
-        Raises:
-            OSError: it cannot be written.
-        """
+        """Makes the folder; an overview of an earlier run is not that of this one."""
         self.folder.mkdir(parents=True, exist_ok=True)
         (self.folder / OVERVIEW).unlink(missing_ok=True)
         probe = draft_of(self.folder / OVERVIEW, os.getpid())

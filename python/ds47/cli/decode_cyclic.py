@@ -30,11 +30,7 @@ def cyclic_words(
     lang: str,
     vendor_id: int | None = None,
 ) -> str:
-    """What the words mean, as text or as JSON; `vendor_id`: the maker of the error numbers of PKW.
-
-    Raises:
-        click.UsageError: there are fewer or more bytes than such words have.
-    """
+    """What the words mean, as text or as JSON; `vendor_id`: the maker of the error numbers of PKW."""
     wanted = _LENGTHS[kind]
     if len(data) not in wanted:
         several = " or ".join(map(str, wanted))

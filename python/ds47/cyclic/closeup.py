@@ -33,14 +33,7 @@ class SpeedSample(NamedTuple):
 
 
 def closeup(path: str, relation: Relation, frame: int, half_ns: int) -> list[SpeedSample]:
-    """The frames of a drive around a frame, `half_ns` nanoseconds before and after; empty where there is no file.
-
-    Args:
-        path: the capture.
-        relation: its PZD.
-        frame: the number of a frame in it.
-        half_ns: how far to look, in nanoseconds.
-    """
+    """The frames of a drive up to `half_ns` before and after a frame; empty where there is no file."""
     if not Path(path).is_file():
         return []
     found: list[SpeedSample] = []

@@ -70,11 +70,7 @@ class Code:
 
 
 def read(text: str) -> Code:
-    """Reads a code in any of the forms in which people write it.
-
-    Raises:
-        UnknownFormError: it has none of them.
-    """
+    """Reads a code in any of the forms in which people write it."""
     plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
     if pair := _CLASS_AND_CODE.fullmatch(plain.upper()):
         return _class_and_code(text, *(int(each, 0) for each in pair.groups()))

@@ -150,10 +150,9 @@ Content = SlaveDiagnosis | Parameters | Configuration | Control | DataExchange
 
 
 def service(item: Telegram) -> str | None:
-    """Which service of DP a frame belongs to (docs/profibus.md 3).
+    """Which service of DP a frame belongs to (docs/profibus.md 3): an id of `spec.profibus.services()`, or "ms2".
 
-    Returns:
-        An id of `spec.profibus.services()`, "ms2", or None where the SAPs stand for none.
+    None where the SAPs stand for none.
     """
     return item.front.service
 

@@ -53,16 +53,7 @@ class Summary:
         stored: Json | None = None,
         pairs: list[tuple[int | None, int | None]] | None = None,
     ) -> None:
-        """Takes one capture.
-
-        Args:
-            label: its label.
-            now: its present capture object.
-            changes: what is not as it was stored.
-            failed: whether the check failed for it.
-            stored: its stored capture object, where there is one.
-            pairs: which transaction is which.
-        """
+        """Takes one capture; `pairs` says which transaction of the stored one is which."""
         row = self.labels[label]
         row.captures += 1
         row.changed += bool(changes)

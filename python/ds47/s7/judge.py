@@ -45,15 +45,7 @@ class _Crowd:
 
 
 class S7Judge(model.S7Listener):
-    """Hears of connections.
-
-    Args:
-        bounds: times, and how much is kept.
-        remark: gets each problem of a job at once.
-        blocks: what partners copy at once, as the user says.
-        readback: whether a read must return what was written (DS916).
-        drives: which partners are drives, not CPUs; None: unknown.
-    """
+    """Hears of connections."""
 
     def __init__(
         self,
