@@ -12,18 +12,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
-from ds47.analysis import AnalysisOptions
 from ds47.batch.endings import Lost
 from ds47.batch.products import discard
-from ds47.batch.results import LOOKED_AT, OVERVIEW, Results
+from ds47.batch.results import LOOKED_AT, OVERVIEW, Results, StoredResult
 from ds47.batch.tasks import Task
 from ds47.capture.remote import file_system, is_url, reason
 from ds47.report.overview import CaptureRow
-
-if TYPE_CHECKING:
-    from ds47.parameters.expected import Expectation
 
 _AT_ONCE = 128
 """Results that are fetched together."""
@@ -33,11 +28,9 @@ _READ_ONLY = ("http://", "https://")
 class RemoteResults(Results):
     """A folder behind a URL. Raises CaptureError where nothing opens such a URL."""
 
-    def __init__(
-        self, url: str, options: AnalysisOptions, lang: str, expected: tuple[Expectation, ...]
-    ) -> None:
+    def __init__(self, url: str, make: StoredResult) -> None:
         self._scratch = TemporaryDirectory(prefix="ds47-")
-        super().__init__(Path(self._scratch.name), options, lang, expected)
+        super().__init__(Path(self._scratch.name), make)
         self._url = url if url.endswith("://") else url.rstrip("/")
         self._system, base = file_system(url)
         self._base = base.rstrip("/")
@@ -146,16 +139,9 @@ class RemoteResults(Results):
             raise OSError(errno.EIO, reason(problem), self._url) from problem
 
 
-def results_at(
-    name: str,
-    options: AnalysisOptions,
-    lang: str = "en",
-    expected: tuple[Expectation, ...] = (),
-) -> Results:
+def results_at(name: str, make: StoredResult) -> Results:
     """The results in a folder of this machine, or behind a URL."""
     if not is_url(name):
-        return Results(Path(name), options, lang, expected)
+        return Results(Path(name), make)
     system, path = file_system(name)
-    if "file" in system.protocol:
-        return Results(Path(path), options, lang, expected)
-    return RemoteResults(name, options, lang, expected)
+    return Results(Path(path), make) if "file" in system.protocol else RemoteResults(name, make)

@@ -264,15 +264,7 @@ def _summary(outcomes: Sequence[CheckOutcome]) -> Any:
 
     summary = Summary()
     for outcome in outcomes:
-        if outcome.now is not None:
-            summary.add(
-                outcome.label,
-                outcome.now,
-                outcome.changes,
-                failed=outcome.failed,
-                stored=outcome.stored,
-                pairs=outcome.pairs,
-            )
+        summary.add(outcome)
     return summary
 
 

@@ -240,7 +240,7 @@ class Link:
         lost: Sequence[int] = (),
         error: int = 0,
     ) -> Link:
-        """BSEND. `total`: what it announces, where that is a lie. `lost`: segments, from 0, without acknowledge."""
+        """BSEND. `total`: what it announces, where that is a lie. `lost`: segments without acknowledge."""
         parts = cut(data, self.pdu)
         sequence = 0
         for number, part in enumerate(parts):

@@ -43,17 +43,15 @@ class _ListField(Field):  # type: ignore[misc]
     islist = 1
 
     def any2i(self, pkt: Packet | None, x: Any) -> Any:  # noqa: ARG002
-        return x if x is None or isinstance(x, list) else list(x) if _many(x) else [x]
+        if x is None or isinstance(x, list):
+            return x
+        return list(x) if isinstance(x, tuple | range | set) else [x]
 
     def i2repr(self, pkt: Packet | None, x: Any) -> str:  # noqa: ARG002
         return repr(x)
 
     def do_copy(self, x: Any) -> Any:
         return None if x is None else list(x)
-
-
-def _many(value: Any) -> bool:
-    return isinstance(value, tuple | range | set)
 
 
 class _Part(Packet):  # type: ignore[misc]
@@ -143,34 +141,34 @@ def _made(code: int, values: list[Any], words: list[int], raw: bool) -> profidri
         return profidrive.make_block(code, values)
     if not 1 <= len(words) <= 2:
         raise ValueError(f"an error block has one or two error_words, not {len(words)}: set raw")
-    return (
-        profidrive.error_block(*words)
-        if len(words) == 2
-        else profidrive.error_block(words[0], None)
-    )
+    return profidrive.error_block(words[0], words[1] if len(words) == 2 else None)
 
 
 class _Message(Packet):  # type: ignore[misc]
     """What requests and responses have in common: they are read and made by the codec."""
 
     decode: Callable[[bytes], Any]
+    encode: Callable[[Any], bytes]
 
     def do_dissect(self, s: bytes) -> bytes:
         data = bytes(s)
-        self._fill(data)
+        self._fill(self.decode(data))
         self.raw_packet_cache = data
         self.explicit = 1
         return b""
 
     def self_build(self) -> bytes:
         # Not from raw_packet_cache: what it is made of may have changed, and the same comes out.
-        return self._bytes()
+        return self.encode(self.message())
 
-    def _fill(self, data: bytes) -> None:
+    def message(self) -> Any:
         raise NotImplementedError
 
-    def _bytes(self) -> bytes:
-        raise NotImplementedError
+    def _fill(self, message: Any) -> None:
+        for each in self.fields_desc[:4]:
+            self.fields[each.name] = getattr(message, each.name)
+        self.fields["blocks"] = [DS47Block.of(each, self) for each in message.blocks]
+        self.fields["rest"] = message.rest
 
     def _blocks(self) -> list[profidrive.Block]:
         return [layer.block() for layer in self.blocks]
@@ -205,6 +203,7 @@ class DS47Request(_Message):
 
     name = "DS47 request"
     decode = staticmethod(profidrive.decode_request)
+    encode = staticmethod(profidrive.encode_request)
     dispatch_hook = classmethod(_layer)  # scapy looks for it in the class itself
     fields_desc = [  # noqa: RUF012
         ByteField("request_reference", 1),
@@ -216,19 +215,13 @@ class DS47Request(_Message):
         StrField("rest", b""),
     ]
 
-    def _fill(self, data: bytes) -> None:
-        request = self.decode(data)
-        self.fields |= _head(request) | {"request_id": request.request_id}
+    def _fill(self, message: profidrive.Request) -> None:
+        super()._fill(message)
         self.fields["addresses"] = [
             DS47Address(attribute=each.attribute, element_count=each.element_count, pnu=each.pnu,
                         subindex=each.subindex, _parent=self)
-            for each in request.addresses
+            for each in message.addresses
         ]  # fmt: skip
-        self.fields["blocks"] = [DS47Block.of(each, self) for each in request.blocks]
-        self.fields["rest"] = request.rest
-
-    def _bytes(self) -> bytes:
-        return profidrive.encode_request(self.message())
 
     def message(self) -> profidrive.Request:
         """The request of the codec. Raises ValueError for values that a format cannot carry."""
@@ -261,6 +254,7 @@ class DS47Response(_Message):
 
     name = "DS47 response"
     decode = staticmethod(profidrive.decode_response)
+    encode = staticmethod(profidrive.encode_response)
     dispatch_hook = classmethod(_layer)  # scapy looks for it in the class itself
     fields_desc = [  # noqa: RUF012
         ByteField("request_reference", 1),
@@ -270,15 +264,6 @@ class DS47Response(_Message):
         PacketListField("blocks", [], DS47Block),
         StrField("rest", b""),
     ]
-
-    def _fill(self, data: bytes) -> None:
-        response = self.decode(data)
-        self.fields |= _head(response) | {"response_id": response.response_id}
-        self.fields["blocks"] = [DS47Block.of(each, self) for each in response.blocks]
-        self.fields["rest"] = response.rest
-
-    def _bytes(self) -> bytes:
-        return profidrive.encode_response(self.message())
 
     def message(self) -> profidrive.Response:
         """The response of the codec. Raises ValueError for values that a format cannot carry."""
@@ -300,23 +285,11 @@ class DS47Response(_Message):
         return str(self.sprintf("DS47 %DS47Response.response_id% response"))
 
 
-def _head(message: profidrive.Request | profidrive.Response) -> dict[str, int | None]:
-    return {
-        "request_reference": message.request_reference,
-        "axis": message.axis,
-        "parameter_count": message.parameter_count,
-    }
-
-
-def _record_length(block: Packet) -> int:
-    return block.recordDataLength or 0
-
-
 def _bind() -> None:
     """Hangs the layers below the record blocks, and those below UDP."""
     # scapy takes the record of a Read response for the next block.
     if "payload_length" not in vars(IODReadRes):
-        IODReadRes.payload_length = _record_length
+        IODReadRes.payload_length = lambda block: block.recordDataLength or 0
     for below, layer in ((IODWriteReq, DS47Request), (IODReadRes, DS47Response)):
         for index in (LOCAL, GLOBAL):
             bind_bottom_up(below, layer, index=index)

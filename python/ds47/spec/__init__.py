@@ -504,7 +504,7 @@ def _entry(text: str | None) -> tuple[str, str] | None:
 
 
 def _pnu(number: int, row: Mapping[str, Any]) -> Pnu:
-    values = row.get("values", ())
+    values, same = row.get("values", ()), ("access", "connects", "buffer", "messages")
     return Pnu(
         number=number,
         name_en=row["en"],
@@ -513,11 +513,8 @@ def _pnu(number: int, row: Mapping[str, Any]) -> Pnu:
         unit=row.get("unit"),
         volatile=row.get("volatile", False),
         family=row.get("family", "profile"),
-        access=row.get("access"),
-        connects=row.get("connects"),
-        buffer=row.get("buffer"),
         entry=_entry(row.get("entry")),
-        messages=row.get("messages"),
+        **{key: row[key] for key in same if key in row},
         values_en=MappingProxyType({value: en for value, en, _ in values}),
         values_zh=MappingProxyType({value: zh for value, _, zh in values}),
         sources=tuple(row.get("sources", ())),
