@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -45,20 +46,25 @@ class Settings(NamedTuple):
     """The golden list."""
 
 
+@contextmanager
+def _said_of(place: str) -> Iterator[None]:
+    """Says of a ValueError where in the file it is."""
+    try:
+        yield
+    except ValueError as problem:
+        raise ValueError(f"{place} {problem}") from None
+
+
 def parse(table: Any) -> Settings:
     """The settings of a table `[cyclic]`. Raises ValueError with the key and what is allowed."""
     from ds47.cyclic import named  # most folders have no settings
 
     table = _checked(table, "cyclic", "channels", "pkw_layout", "ppo")
-    try:
+    with _said_of("[cyclic] channels:"):
         names = tuple(map(named.parse, _texts(table, "channels")))
         named.pairs(names)
-    except ValueError as problem:
-        raise ValueError(f"[cyclic] channels: {problem}") from None
-    try:
+    with _said_of("[cyclic] ppo:"):
         ppos = tuple(map(named.parse_ppo, _texts(table, "ppo")))
-    except ValueError as problem:
-        raise ValueError(f"[cyclic] ppo: {problem}") from None
     return Settings(names, tuple(map(layout, _texts(table, "pkw_layout"))), ppos)
 
 
@@ -71,10 +77,8 @@ def parse_s7(table: Any) -> Choices:
     if not isinstance(readback, bool):
         raise ValueError("[s7] readback: write true or false")
     cpus, blocks = _texts(table, "cpu", "s7"), _texts(table, "block", "s7")
-    try:
+    with _said_of("[s7]"):
         return choices.parse(ports, cpus, blocks, readback)
-    except ValueError as problem:
-        raise ValueError(f"[s7] {problem}") from None
 
 
 def parse_names(table: Any) -> int | None:
@@ -88,10 +92,8 @@ def parse_names(table: Any) -> int | None:
         return vendor
     from ds47.spec import maker_names  # few settings name one
 
-    try:
+    with _said_of("[names] vendor:"):
         return maker_names.number(str(vendor))
-    except ValueError as problem:
-        raise ValueError(f"[names] vendor: {problem}") from None
 
 
 def parse_expect(table: Any) -> str | None:
@@ -131,10 +133,8 @@ def layout(text: str) -> tuple[str, str]:
 
 def parse_tz(text: Any) -> Zone:
     """The zone of `tz` in `[report]`. Raises ValueError with what is allowed."""
-    try:
+    with _said_of("[report] tz:"):
         return zone(str(text))
-    except ValueError as problem:
-        raise ValueError(f"[report] tz: {problem}") from None
 
 
 def options_for(location: str, options: AnalysisOptions) -> AnalysisOptions:
