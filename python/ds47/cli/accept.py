@@ -15,7 +15,7 @@ import click
 
 from ds47.capture.names import about
 from ds47.cli.common import Misses, tell, warn
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, each_of, jobs_option, options_from
 from ds47.cli.series import refuse_urls, series_option, tasks, tell_lacking
 from ds47.version import __version__
@@ -27,14 +27,11 @@ if TYPE_CHECKING:
 _SHOWN = 20
 
 
-@click.command(
+@helped(
     "accept",
-    cls=Helped,
-    examples=(
-        (
-            "ds47 accept press.pcapng --where pnu=1120 --yes",
-            "the changes of p1120 become the stored result",
-        ),
+    (
+        "ds47 accept press.pcapng --where pnu=1120 --yes",
+        "the changes of p1120 become the stored result",
     ),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)

@@ -16,7 +16,7 @@ import click
 
 from ds47.capture.names import STDIN, about
 from ds47.cli.common import Misses, columns_of, format_option, output, stdout, tell
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.cli.options import (
     analysis_options,
     each_of,
@@ -43,18 +43,15 @@ _MARGIN = 8
 """Columns of the word in front of a capture."""
 
 
-@click.command(
+@helped(
     "check",
-    cls=Helped,
-    examples=(
-        (
-            "ds47 check captures --junit ds47.xml",
-            "all captures of a folder against their stored results",
-        ),
-        (
-            "ds47 check captures --expect golden.toml --fail-on warning",
-            "and their drives against a list",
-        ),
+    (
+        "ds47 check captures --junit ds47.xml",
+        "all captures of a folder against their stored results",
+    ),
+    (
+        "ds47 check captures --expect golden.toml --fail-on warning",
+        "and their drives against a list",
     ),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)

@@ -24,7 +24,7 @@ from ds47.cli.decode_cyclic import CYCLIC, cyclic_words
 from ds47.cli.decode_message import text
 from ds47.cli.decode_profibus import PROFIBUS, profibus_words
 from ds47.cli.decode_s7 import S7, s7_words
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.report.bilingual import say
 from ds47.spec.pkw_layouts import maker_layouts
 
@@ -33,11 +33,7 @@ if TYPE_CHECKING:
     from ds47.profidrive import Options
 
 
-@click.command(
-    "decode",
-    cls=Helped,
-    examples=(("ds47 decode 01 01 02 01 10 01 03 A9 00 00", "the bytes of a request"),),
-)
+@helped("decode", ("ds47 decode 01 01 02 01 10 01 03 A9 00 00", "the bytes of a request"))
 @click.argument("message", metavar="[HEX]...", nargs=-1)
 @click.option(
     "--as",

@@ -9,7 +9,7 @@ import click
 
 from ds47.capture.names import about
 from ds47.cli.common import Misses, columns_of, fail, format_option, output
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
@@ -21,11 +21,7 @@ if TYPE_CHECKING:
     from ds47.regression.last_values import ValueLine
 
 
-@click.command(
-    "diff",
-    cls=Helped,
-    examples=(("ds47 diff yesterday.pcapng today.pcapng", "what changed between them"),),
-)
+@helped("diff", ("ds47 diff yesterday.pcapng today.pcapng", "what changed between them"))
 @click.argument("a", metavar="A")
 @click.argument("b", metavar="B")
 @format_option("text", "json", "html")

@@ -20,7 +20,7 @@ from ds47.cli.common import (
     stdout,
     warn,
 )
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 
 if TYPE_CHECKING:
     from ds47.profidrive import Request
@@ -53,14 +53,11 @@ The eight bytes of a PKW request, for the cyclic channel:
 """
 
 
-@click.command(
+@helped(
     "encode",
+    ("ds47 encode 'change DO 3 p1120=5.0'", "a request as bytes"),
+    ("ds47 encode -f scl-fb 'read DO 3 r0945[0..7]'", "a block for the PLC"),
     help=HELP,
-    cls=Helped,
-    examples=(
-        ("ds47 encode 'change DO 3 p1120=5.0'", "a request as bytes"),
-        ("ds47 encode -f scl-fb 'read DO 3 r0945[0..7]'", "a block for the PLC"),
-    ),
 )
 @click.argument("words", metavar="[LINE]...", nargs=-1)
 @format_option(

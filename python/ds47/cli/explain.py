@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.cli.common import lang_option, prose_width, stdout, tell, warn
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 
 if TYPE_CHECKING:
     from ds47.explain import CodeMeaning
@@ -29,15 +29,12 @@ _FOUND = 10
 """Parameters that are listed for a word of their names."""
 
 
-@click.command(
+@helped(
     "explain",
+    ("ds47 explain DE80B500", "a STATUS of WRREC or RDREC"),
+    ("ds47 explain p1120 0x6B", "a parameter and an error number"),
+    ("ds47 explain SINA_POS 8402", "what a block shows"),
     context_settings={"ignore_unknown_options": True},
-    cls=Helped,
-    examples=(
-        ("ds47 explain DE80B500", "a STATUS of WRREC or RDREC"),
-        ("ds47 explain p1120 0x6B", "a parameter and an error number"),
-        ("ds47 explain SINA_POS 8402", "what a block shows"),
-    ),
 )
 @click.argument("code", nargs=-1, required=True)
 @click.option("--vendor", metavar="NAME|ID", help="Whose device: SINAMICS, ABB, 0x002A.")

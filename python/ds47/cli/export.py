@@ -17,7 +17,7 @@ import click
 
 from ds47.capture.names import ENDINGS, EXPORTED, STDIN, about
 from ds47.cli.common import Misses, cannot_write, stdout, warn
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -39,14 +39,11 @@ _FILTER_SHOWN = 100
 """The most files of a series to print filters for."""
 
 
-@click.command(
+@helped(
     "export",
-    cls=Helped,
-    examples=(
-        (
-            "ds47 export -s failed --anonymise machine.pcapng -o for-the-maker.pcapng",
-            "what failed, without names and addresses",
-        ),
+    (
+        "ds47 export -s failed --anonymise machine.pcapng -o for-the-maker.pcapng",
+        "what failed, without names and addresses",
     ),
 )
 @click.argument("paths", metavar="CAPTURE...", nargs=-1, required=True)

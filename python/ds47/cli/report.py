@@ -21,7 +21,7 @@ from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
 from ds47.cli.common import Misses, color, columns_of, fail, output, stdout, width_option
 from ds47.cli.execution import Execution
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.cli.options import (
     analysis_options,
     expect_option,
@@ -49,18 +49,15 @@ from ds47.report.zones import Zone
 UNREADABLE, NOTHING = 3, 1
 
 
-@click.command(
+@helped(
     "report",
-    cls=Helped,
-    examples=(
-        ("ds47 report machine.pcapng", "what went wrong, and what to do"),
-        ("ds47 report machine.pcapng -o machine.html", "the same as a page"),
-        ("ds47 report -s failed --do 3 machine.pcapng", "what failed on drive object 3"),
-        ("ds47 report --summary captures", "a folder in 12 lines"),
-        (
-            "ds47 report --expect golden.toml machine.pcapng",
-            "which parameters are not as they should be",
-        ),
+    ("ds47 report machine.pcapng", "what went wrong, and what to do"),
+    ("ds47 report machine.pcapng -o machine.html", "the same as a page"),
+    ("ds47 report -s failed --do 3 machine.pcapng", "what failed on drive object 3"),
+    ("ds47 report --summary captures", "a folder in 12 lines"),
+    (
+        "ds47 report --expect golden.toml machine.pcapng",
+        "which parameters are not as they should be",
     ),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
