@@ -194,6 +194,16 @@ def cannot_write(name: str, problem: OSError) -> click.ClickException:
 
 
 @contextmanager
+def refused(*kinds: type[Exception], said: str = "", usage: bool = False) -> Iterator[None]:
+    """What is wrong as an error of the command, or of its words; `said` stands in front."""
+    try:
+        yield
+    except kinds as problem:
+        made = click.UsageError if usage else click.ClickException
+        raise made(f"{said}{problem}") from problem
+
+
+@contextmanager
 def output(name: str) -> Iterator[TextIO]:
     """The stream for `-o`: `-` is stdout, a file appears whole or not at all.
 

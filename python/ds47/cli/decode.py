@@ -16,6 +16,7 @@ from ds47.cli.common import (
     codec_options,
     dialect_options,
     lang_option,
+    refused,
     stdout,
     tell,
     warn,
@@ -132,10 +133,8 @@ def _decoded(data: bytes, kind: str | None, question: bytes | None, options: Opt
 def _bytes(text: str, what: str, lang: str) -> bytes:
     from ds47.cli.pasted import read
 
-    try:
+    with refused(ValueError, said=f"{what}: ", usage=True):
         pasted = read(text)
-    except ValueError as problem:
-        raise click.UsageError(f"{what}: {problem}") from problem
     if not pasted.data:
         raise click.UsageError(f"{what}: no bytes. Try: ds47 decode 0102030110010460")
     if pasted.decimal:

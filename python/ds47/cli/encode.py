@@ -16,6 +16,7 @@ from ds47.cli.common import (
     format_option,
     lang_option,
     pkw_layout_option,
+    refused,
     rule_text,
     stdout,
     warn,
@@ -90,10 +91,8 @@ def command(
         return
     if eeprom:
         raise click.UsageError("--eeprom is for a change by PKW: pkw change p1082=Float32:40.0")
-    try:
+    with refused(ValueError, usage=True):
         asked = read_request_line(line.strip())
-    except ValueError as problem:
-        raise click.UsageError(str(problem)) from problem
     request = asked.request
     data = encode_request(request)
     if format_name == "scl-fb":
@@ -109,10 +108,8 @@ def _function_block(request: Request, lang: str) -> str:
     from ds47.profidrive.notation import format_request_line
     from ds47.report.scl import function_block
 
-    try:
+    with refused(ValueError, usage=True):
         return function_block(request, format_request_line(request), lang)
-    except ValueError as problem:
-        raise click.UsageError(str(problem)) from problem
 
 
 def _unquoted(line: str) -> str:
@@ -126,10 +123,8 @@ def _pkw(line: str, layout: str, eeprom: bool, lang: str) -> bytes:
     from ds47.cyclic.pkw import decode
     from ds47.report.bilingual import say
 
-    try:
+    with refused(ValueError, usage=True):
         data = encode_line(line, layout, eeprom)
-    except ValueError as problem:
-        raise click.UsageError(str(problem)) from problem
     message = decode(data, answer=False, layout=layout)
     if message.ak == 1 and message.subindex:
         warn(say("pkw_read_index").text(lang))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from ds47.capture.names import STDIN
-from ds47.cli.common import cannot_write, counted, warn
+from ds47.cli.common import cannot_write, counted, refused, warn
 from ds47.cli.run import Run
 from ds47.model import CaptureResult
 from ds47.report import Writer
@@ -152,12 +152,10 @@ class Execution(NamedTuple):
         from ds47.wireshark.engine import Engine
         from ds47.wireshark.tshark import NotReadyError
 
-        try:
+        with refused(NotReadyError):
             other = Engine(
                 "both" if self.engine == "both" else "tshark", options, self.tshark, self.lang
             )
-        except NotReadyError as problem:
-            raise click.ClickException(str(problem)) from problem
 
         def analyze(task: Task, finished: OnTransaction | None) -> CaptureResult:
             source = sys.stdin.buffer if task.path == STDIN else task.path

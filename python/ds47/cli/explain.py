@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import lang_option, prose_width, stdout, tell, warn
+from ds47.cli.common import lang_option, prose_width, refused, stdout, tell, warn
 from ds47.cli.helping import helped
 
 if TYPE_CHECKING:
@@ -202,10 +202,8 @@ def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
     from ds47.spec import explanations
     from ds47.spec.maker_names import UnclearNameError
 
-    try:
+    with refused(UnclearNameError, usage=True):
         maker = None if vendor is None else find_vendor(vendor)
-    except UnclearNameError as problem:
-        raise click.UsageError(str(problem)) from problem
     try:
         return explain(text, lang, maker)
     except UnknownFormError as problem:

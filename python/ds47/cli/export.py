@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import ENDINGS, EXPORTED, STDIN, about
-from ds47.cli.common import Misses, cannot_write, stdout, warn
+from ds47.cli.common import Misses, cannot_write, refused, stdout, warn
 from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
@@ -282,11 +282,9 @@ class _Run:
 
         if self.key_path is None:
             return
-        try:
+        with refused(KeyFileError):
             path = self.key_path
             self._key = Replacements.load(path) if path.exists() else Replacements()
-        except KeyFileError as problem:
-            raise click.ClickException(str(problem)) from problem
 
     def one(self, task: Task, target: str) -> None:
         """Exports one capture."""

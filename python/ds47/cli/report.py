@@ -19,7 +19,7 @@ from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
 from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
-from ds47.cli.common import Misses, color, columns_of, fail, output, stdout, width_option
+from ds47.cli.common import Misses, color, columns_of, fail, output, refused, stdout, width_option
 from ds47.cli.execution import Execution
 from ds47.cli.helping import helped
 from ds47.cli.options import (
@@ -244,10 +244,8 @@ def command(
 
 def _heading(said: Heading, paths: Sequence[str]) -> Heading:
     """The title block: what is typed, and what is not as `ds47.toml` has it."""
-    try:
+    with refused(CaptureError):
         return said.over(heading_for(paths))
-    except CaptureError as problem:
-        raise click.ClickException(str(problem)) from problem
 
 
 _ONLY_IN = {
@@ -319,10 +317,8 @@ def _writer(format_name: str, stream: TextIO, fail_on: str, options: ReportOptio
     options = options._replace(
         color=color(stream), fail_on="error" if fail_on == "never" else fail_on
     )
-    try:
+    with refused(CannotWriteError):
         return open_writer(format_name, stream, options)
-    except CannotWriteError as problem:
-        raise click.ClickException(str(problem)) from problem
 
 
 class _Catalogue(Mapping[str, RuleText]):
