@@ -61,7 +61,7 @@ advice_zh = "TODO。"
 """
 SCENE = '''
 
-@BOOK.scene("TODO: what a reader of the capture sees", OK_READ, rules="{rule}")
+@BOOK.scene("TODO: what a reader of the capture sees", "read ok, {rule}")
 def todo(client: Client) -> None:
     """TODO: what happens; the name of the function becomes that of the capture."""
     answer = message.answer(1, 1, 1, message.real(10.0))
@@ -199,7 +199,7 @@ def write(root: Path, wanted: str) -> list[str]:
         *left,
         f"{auditor}: what decides from the frames alone whether {rule} is true",
         "CHANGELOG.md: a line",
-        f"then: {tests} the older scenes that have it, too; add {rule} to their `rules`",
+        f"then: {tests} the older scenes that have it, too; add {rule} to what they expect",
         "then: make captures; .venv/bin/ds47 accept --yes captures; make generated; make test",
     ]
 

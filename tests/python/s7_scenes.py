@@ -15,7 +15,6 @@ from ds47.lab.s7_wire import ANSWER, DB, DENIED, JOB, MISSING, WRITE, db, flags
 from ds47.lab.scenario import Book
 
 BOOK = Book("s7")
-GET, PUT, BSEND, USEND = ("get", "ok"), ("put", "ok"), ("bsend", "ok"), ("usend", "ok")
 MOST = 480 - 18
 """Bytes that one job reads at a PDU of 480."""
 SENT = bytes(range(256)) * 8
@@ -35,9 +34,8 @@ def connected(client: Client, pdu: int = 480, parallel: int = 1) -> Link:
 
 
 @BOOK.scene(
-    "DS901: the second of three reads is never answered",
-    GET, ("get", "unanswered"), GET, rules="DS901",
-)  # fmt: skip
+    "DS901: the second of three reads is never answered", "get ok, get unanswered, get ok, DS901"
+)
 def never_answered(client: Client) -> None:
     """A job without an answer."""
     link = connected(client, parallel=2).get(db(1, 0, 4))
@@ -46,7 +44,7 @@ def never_answered(client: Client) -> None:
     link.get(db(1, 8, 4)).close()
 
 
-@BOOK.scene("Near DS901: it is answered after three seconds", GET, GET, GET)
+@BOOK.scene("Near DS901: it is answered after three seconds", "3 get ok")
 def answered_late(client: Client) -> None:
     """A job whose answer takes three seconds."""
     link = connected(client).get(db(1, 0, 4))
@@ -56,24 +54,19 @@ def answered_late(client: Client) -> None:
     link.get(db(1, 8, 4)).close()
 
 
-@BOOK.scene("DS902: a PDU of 481 bytes where 480 were agreed", PUT, rules="DS902")
+@BOOK.scene("DS902: a PDU of 481 bytes where 480 were agreed", "put ok, DS902")
 def longer_than_agreed(client: Client) -> None:
     """A write of 453 bytes at a PDU size of 480."""
     connected(client).put((db(1, 0, 453), SENT[:453])).close()
 
 
-@BOOK.scene("Near DS902: a PDU of exactly 480 bytes", PUT)
+@BOOK.scene("Near DS902: a PDU of exactly 480 bytes", "put ok")
 def as_long_as_agreed(client: Client) -> None:
     """A write of 452 bytes at a PDU size of 480."""
     connected(client).put((db(1, 0, 452), SENT[:452])).close()
 
 
-@BOOK.scene(
-    "DS908: two of three variables, with their codes",
-    ("get", "partial"),
-    ("put", "error"),
-    rules="DS908",
-)
+@BOOK.scene("DS908: two of three variables, with their codes", "get partial, put error, DS908")
 def refused_items(client: Client) -> None:
     """A data block that is missing, and one that clients may not write."""
     plc = cpu(client)
@@ -92,9 +85,8 @@ def drive(client: Client) -> DriveCpu:
 
 @BOOK.scene(
     "DS919: two elements of a drive asked as one area, and a parameter that it does not have",
-    GET, ("get", "error"), ("get", "error"), PUT,
-    rules="DS919",
-)  # fmt: skip
+    "get ok, 2 get error, put ok, DS919",
+)
 def refused_elements(client: Client) -> None:
     """Parameters of a drive, read by S7: data block = parameter, address = 1024 x drive object + index."""
     link = drive(client).link().open()
@@ -105,9 +97,8 @@ def refused_elements(client: Client) -> None:
 
 @BOOK.scene(
     "Near DS919: the same of a partner that only its addresses make a drive",
-    GET, ("get", "error"), ("get", "error"),
-    rules="DS908",
-)  # fmt: skip
+    "get ok, 2 get error, DS908",
+)
 def refused_by_what_seems_a_drive(client: Client) -> None:
     """Parameters of a drive, or bytes of data blocks with such numbers: nothing says which."""
     link = drive(client).link().open().get(db(2114, 1024, 4))
@@ -115,8 +106,9 @@ def refused_by_what_seems_a_drive(client: Client) -> None:
 
 
 @BOOK.scene(
-    "Near DS919: the same of a CPU, which has bytes where a drive has none", GET, ("get", "error"), rules="DS908"
-)  # fmt: skip
+    "Near DS919: the same of a CPU, which has bytes where a drive has none",
+    "get ok, get error, DS908",
+)
 def refused_by_a_cpu(client: Client) -> None:
     """A data block with the number of a parameter, of which 40 bytes are read."""
     plc = cpu(client)
@@ -126,8 +118,8 @@ def refused_by_a_cpu(client: Client) -> None:
 
 @BOOK.scene(
     "Near DS905, DS907, DS916: elements of a drive, one address apart, share no bytes",
-    PUT, PUT, GET, GET, PUT, PUT, GET,
-)  # fmt: skip
+    "2 put ok, 2 get ok, 2 put ok, get ok",
+)
 def elements_share_nothing(client: Client) -> None:
     """Two stations write two elements of a drive, and read both back as they wrote them."""
     there = drive(client)
@@ -142,11 +134,7 @@ def elements_share_nothing(client: Client) -> None:
     two.close()
 
 
-@BOOK.scene(
-    "DS918: the CPU gives one code for a write of three variables",
-    ("put", "partial"),
-    rules="DS918",
-)
+@BOOK.scene("DS918: the CPU gives one code for a write of three variables", "put partial, DS918")
 def one_code_for_all(client: Client) -> None:
     """A write of three variables that is answered with one code."""
     link = connected(client)
@@ -157,9 +145,7 @@ def one_code_for_all(client: Client) -> None:
     link.close()
 
 
-@BOOK.scene(
-    "DS909: the CPU refuses a read as a whole, 81 04", ("get", "refused"), GET, rules="DS909"
-)
+@BOOK.scene("DS909: the CPU refuses a read as a whole, 81 04", "get refused, get ok, DS909")
 def refused_job(client: Client) -> None:
     """A job that is refused with a class and a code."""
     link = connected(client)
@@ -167,7 +153,7 @@ def refused_job(client: Client) -> None:
     link.get(db(1, 0, 4)).close()
 
 
-@BOOK.scene("DS906: two jobs of three variables each", GET, PUT, rules="DS906")
+@BOOK.scene("DS906: two jobs of three variables each", "get ok, put ok, DS906")
 def several_items(client: Client) -> None:
     """Jobs of several variables."""
     variables = db(1, 0, 4), db(2, 7, 3), flags(10, 2)
@@ -175,7 +161,7 @@ def several_items(client: Client) -> None:
     link.put(*((each, bytes(each.size)) for each in variables)).close()
 
 
-@BOOK.scene("DS914: two jobs are open at once, and one was agreed", GET, GET, rules="DS914")
+@BOOK.scene("DS914: two jobs are open at once, and one was agreed", "2 get ok, DS914")
 def too_many_at_once(client: Client) -> None:
     """Two jobs at once where one was agreed."""
     link = connected(client)
@@ -186,7 +172,7 @@ def too_many_at_once(client: Client) -> None:
 
 
 @BOOK.scene(
-    "Near DS914: two jobs at once, answered in the other order, and two were agreed", GET, GET
+    "Near DS914: two jobs at once, answered in the other order, and two were agreed", "2 get ok"
 )
 def two_at_once(client: Client) -> None:
     """Two jobs at once where two were agreed."""
@@ -201,20 +187,20 @@ def two_at_once(client: Client) -> None:
 
 
 @BOOK.scene(
-    "With `--s7-block 8`: DS903. Without: nothing, because the CPU does not say its block", GET
+    "With `--s7-block 8`: DS903. Without: nothing, because the CPU does not say its block", "get ok"
 )
 def block_not_known(client: Client) -> None:
     """GET of 32 bytes of a CPU whose block nobody knows."""
     connected(client).get(db(10, 0, 32)).close()
 
 
-@BOOK.scene("DS904: 600 bytes are read by two jobs", GET, GET, rules="DS904")
+@BOOK.scene("DS904: 600 bytes are read by two jobs", "2 get ok, DS904")
 def split_read(client: Client) -> None:
     """A read that is split because its answer does not fit."""
     connected(client).get(db(1, 0, MOST)).get(db(1, MOST, 600 - MOST)).close()
 
 
-@BOOK.scene("DS904: 1000 bytes are written by three jobs", PUT, PUT, PUT, rules="DS904")
+@BOOK.scene("DS904: 1000 bytes are written by three jobs", "3 put ok, DS904")
 def split_write(client: Client) -> None:
     """A write that is split."""
     link = connected(client)
@@ -226,15 +212,14 @@ def split_write(client: Client) -> None:
 
 @BOOK.scene(
     "Near DS904: two reads follow each other in memory, and the first one would have had room",
-    GET,
-    GET,
+    "2 get ok",
 )
 def side_by_side(client: Client) -> None:
     """Reads of 400 and 200 bytes, side by side."""
     connected(client).get(db(1, 0, 400)).get(db(1, 400, 200)).close()
 
 
-@BOOK.scene("Near DS904: the second read begins one byte further", GET, GET)
+@BOOK.scene("Near DS904: the second read begins one byte further", "2 get ok")
 def with_a_gap(client: Client) -> None:
     """Two reads with one byte between them."""
     connected(client).get(db(1, 0, MOST)).get(db(1, MOST + 1, 100)).close()
@@ -257,9 +242,8 @@ def between(client: Client, start: int, data: bytes) -> None:
 
 @BOOK.scene(
     "DS905: between the two jobs of a read both parts are written",
-    GET, GET, GET, PUT, GET,
-    rules="DS904 DS905",
-)  # fmt: skip
+    "3 get ok, put ok, get ok, DS904 DS905",
+)
 def inconsistent_read(client: Client) -> None:
     """A read with old bytes in front and new ones behind."""
     between(client, MOST - 8, b"\xee" * 16)
@@ -267,9 +251,8 @@ def inconsistent_read(client: Client) -> None:
 
 @BOOK.scene(
     "Near DS905: only the part that is not yet read is written: all is as after it",
-    GET, GET, GET, PUT, GET,
-    rules="DS904",
-)  # fmt: skip
+    "3 get ok, put ok, get ok, DS904",
+)
 def whole_and_newer(client: Client) -> None:
     """A write into the second part of a read, before it is read."""
     between(client, MOST, b"\xee" * 8)
@@ -277,9 +260,8 @@ def whole_and_newer(client: Client) -> None:
 
 @BOOK.scene(
     "Near DS905: only the part that was read is written: all is as before it",
-    GET, GET, GET, PUT, GET,
-    rules="DS904",
-)  # fmt: skip
+    "3 get ok, put ok, get ok, DS904",
+)
 def whole_and_older(client: Client) -> None:
     """A write into the first part of a read, after it was read."""
     between(client, MOST - 8, b"\xee" * 8)
@@ -287,9 +269,8 @@ def whole_and_older(client: Client) -> None:
 
 @BOOK.scene(
     "Near DS905: both parts are written, with the bytes that they have",
-    GET, GET, GET, PUT, GET,
-    rules="DS904",
-)  # fmt: skip
+    "3 get ok, put ok, get ok, DS904",
+)
 def written_as_before(client: Client) -> None:
     """A write between the parts of a read that changes nothing."""
     between(client, MOST - 8, bytes((at * 7 + 3) & 0xFF for at in range(MOST - 8, MOST + 8)))
@@ -309,9 +290,8 @@ def during_a_write(client: Client, start: int) -> None:
 
 @BOOK.scene(
     "DS905: between the two jobs of a write bytes of both parts are read",
-    GET, PUT, GET, PUT,
-    rules="DS904 DS905",
-)  # fmt: skip
+    "get ok, put ok, get ok, put ok, DS904 DS905",
+)
 def inconsistent_write(client: Client) -> None:
     """A read of new bytes in front and old ones behind, while a station writes."""
     during_a_write(client, 440)
@@ -319,19 +299,15 @@ def inconsistent_write(client: Client) -> None:
 
 @BOOK.scene(
     "Near DS905: between the two jobs of a write bytes of the first part are read",
-    GET, PUT, GET, PUT,
-    rules="DS904",
-)  # fmt: skip
+    "get ok, put ok, get ok, put ok, DS904",
+)
 def read_beside_the_border(client: Client) -> None:
     """A read of bytes that one job has written."""
     during_a_write(client, 428)
 
 
 @BOOK.scene(
-    "DS907: within a second two stations write other bytes to the same place",
-    PUT,
-    PUT,
-    rules="DS907",
+    "DS907: within a second two stations write other bytes to the same place", "2 put ok, DS907"
 )
 def two_writers(client: Client) -> None:
     """Two stations write one place."""
@@ -344,7 +320,7 @@ def two_writers(client: Client) -> None:
     two.close()
 
 
-@BOOK.scene("Near DS907: the second one writes five seconds later", PUT, PUT)
+@BOOK.scene("Near DS907: the second one writes five seconds later", "2 put ok")
 def writers_apart(client: Client) -> None:
     """Two stations write one place, five seconds apart."""
     plc = cpu(client)
@@ -356,7 +332,7 @@ def writers_apart(client: Client) -> None:
     two.close()
 
 
-@BOOK.scene("Near DS907: they write side by side", PUT, PUT)
+@BOOK.scene("Near DS907: they write side by side", "2 put ok")
 def writers_side_by_side(client: Client) -> None:
     """Two stations write places that touch."""
     plc = cpu(client)
@@ -369,8 +345,7 @@ def writers_side_by_side(client: Client) -> None:
 
 @BOOK.scene(
     "With `--s7-readback`: DS916. Without: nothing, because a program writes its own memory",
-    PUT,
-    GET,
+    "put ok, get ok",
 )
 def reads_back_differently(client: Client) -> None:
     """What was written is something else when it is read."""
@@ -380,7 +355,7 @@ def reads_back_differently(client: Client) -> None:
     link.get(db(1, 0, 4)).close()
 
 
-@BOOK.scene("With `--s7-readback` nothing: what is read is what was written", PUT, GET)
+@BOOK.scene("With `--s7-readback` nothing: what is read is what was written", "put ok, get ok")
 def reads_back(client: Client) -> None:
     """What was written is read again."""
     connected(client).put((db(1, 0, 4), b"\1\2\3\4")).get(db(1, 0, 4)).close()
@@ -389,28 +364,26 @@ def reads_back(client: Client) -> None:
 # Between programs
 
 
-@BOOK.scene("One segment, three, and three the other way: each sum is right", BSEND, BSEND, BSEND)
+@BOOK.scene("One segment, three, and three the other way: each sum is right", "3 bsend ok")
 def bsends(client: Client) -> None:
     """BSEND of 10, 1200 and 1000 bytes."""
     link = connected(client).send(0x12, SENT[:10]).send(0x12, SENT[:1200])
     link.send(0x99, SENT[:1000], from_client=False).close()
 
 
-@BOOK.scene("DS910: 1000 bytes are announced, 900 come", ("bsend", "partial"), rules="DS910")
+@BOOK.scene("DS910: 1000 bytes are announced, 900 come", "bsend partial, DS910")
 def bsend_too_short(client: Client) -> None:
     """BSEND whose segments are less than it announced."""
     connected(client).send(0x12, SENT[:900], total=1000).close()
 
 
-@BOOK.scene(
-    "DS910: the last segment of 1000 bytes never comes", ("bsend", "unanswered"), rules="DS910"
-)
+@BOOK.scene("DS910: the last segment of 1000 bytes never comes", "bsend unanswered, DS910")
 def bsend_without_an_end(client: Client) -> None:
     """BSEND that never ends."""
     connected(client).send(0x12, SENT[:890], total=1000, ended=False).close()
 
 
-@BOOK.scene("DS911: the second of three segments is not acknowledged", BSEND, rules="DS911")
+@BOOK.scene("DS911: the second of three segments is not acknowledged", "bsend ok, DS911")
 def bsend_unacknowledged(client: Client) -> None:
     """BSEND with a segment that nobody acknowledges."""
     connected(client).send(0x12, SENT[:1200], lost=(1,)).close()
@@ -418,32 +391,32 @@ def bsend_unacknowledged(client: Client) -> None:
 
 @BOOK.scene(
     "DS912: it begins again before it has ended, which is told of the second one",
-    ("bsend", "unanswered"), BSEND, rules="DS912",
-)  # fmt: skip
+    "bsend unanswered, bsend ok, DS912",
+)
 def r_id_twice(client: Client) -> None:
     """BSEND is started again before it is done."""
     connected(client).send(0x12, SENT[:890], ended=False).send(0x12, SENT[:600]).close()
 
 
-@BOOK.scene("Near DS912: one after the other", BSEND, BSEND)
+@BOOK.scene("Near DS912: one after the other", "2 bsend ok")
 def r_id_again(client: Client) -> None:
     """Two BSENDs of one R_ID, one after the other."""
     connected(client).send(0x12, SENT[:600]).send(0x12, SENT[:600]).close()
 
 
-@BOOK.scene("DS912: the partner refuses it in its acknowledge", ("bsend", "refused"), rules="DS912")
+@BOOK.scene("DS912: the partner refuses it in its acknowledge", "bsend refused, DS912")
 def bsend_refused(client: Client) -> None:
     """BSEND for which the partner has no BRCV."""
     connected(client).send(0x12, SENT[:100], error=0xD202).close()
 
 
-@BOOK.scene("DS913: ten bytes, then twelve, with the same R_ID", USEND, USEND, rules="DS913")
+@BOOK.scene("DS913: ten bytes, then twelve, with the same R_ID", "2 usend ok, DS913")
 def usend_changes(client: Client) -> None:
     """USEND whose areas change."""
     connected(client).usend(7, b"\1" * 10).usend(7, b"\1" * 12).close()
 
 
-@BOOK.scene("Near DS913: ten bytes, then twelve, with another R_ID", USEND, USEND, USEND)
+@BOOK.scene("Near DS913: ten bytes, then twelve, with another R_ID", "3 usend ok")
 def usend_of_two(client: Client) -> None:
     """USEND of two R_IDs, one with two areas of odd length."""
     link = connected(client).usend(7, b"\1" * 10).usend(8, b"\1" * 3, b"\2" * 5)
@@ -453,7 +426,7 @@ def usend_of_two(client: Client) -> None:
 # Connections
 
 
-@BOOK.scene("DS915: the capture begins later than the connection", GET, GET, rules="DS915")
+@BOOK.scene("DS915: the capture begins later than the connection", "2 get ok, DS915")
 def setup_not_seen(client: Client) -> None:
     """A read by two jobs, and how long a PDU may be is not known."""
     client.stage.deaf = True
@@ -462,19 +435,19 @@ def setup_not_seen(client: Client) -> None:
     link.get(db(1, 0, MOST)).get(db(1, MOST, 100)).close()
 
 
-@BOOK.scene("DS917: the connection is asked for, and TCP is closed", rules="DS917")
+@BOOK.scene("DS917: the connection is asked for, and TCP is closed", "DS917")
 def closed_after_cr(client: Client) -> None:
     """CR, then FIN."""
     cpu(client).link().dial().close(by_client=False)
 
 
-@BOOK.scene("DS917: the connection is asked for, and TCP is reset", rules="DS917")
+@BOOK.scene("DS917: the connection is asked for, and TCP is reset", "DS917")
 def reset_after_cr(client: Client) -> None:
     """CR, then RST."""
     cpu(client).link().dial().segment(False, flags="RA")
 
 
-@BOOK.scene("DS917: the connection is asked for, and refused by DR", rules="DS917")
+@BOOK.scene("DS917: the connection is asked for, and refused by DR", "DS917")
 def disconnected_after_cr(client: Client) -> None:
     """CR, then DR."""
     link = cpu(client).link().dial()
@@ -482,7 +455,7 @@ def disconnected_after_cr(client: Client) -> None:
     link.close()
 
 
-@BOOK.scene("DS917: the setup is refused", rules="DS917")
+@BOOK.scene("DS917: the setup is refused", "DS917")
 def setup_refused(client: Client) -> None:
     """CR and CC, and the setup is refused."""
     link = cpu(client).link().dial().confirm()
@@ -491,7 +464,7 @@ def setup_refused(client: Client) -> None:
     link.close()
 
 
-@BOOK.scene("Near DS917: the answer to CR takes two seconds", GET)
+@BOOK.scene("Near DS917: the answer to CR takes two seconds", "get ok")
 def confirmed_late(client: Client) -> None:
     """CR, and CC two seconds later."""
     link = cpu(client).link().dial()
@@ -505,7 +478,7 @@ def confirmed_late(client: Client) -> None:
 # How it is carried
 
 
-@BOOK.scene("PDUs in several DT, each of at most 100 bytes", GET, PUT)
+@BOOK.scene("PDUs in several DT, each of at most 100 bytes", "get ok, put ok")
 def cotp_segments(client: Client) -> None:
     """COTP cuts PDUs into pieces."""
     link = connected(client)
@@ -513,7 +486,7 @@ def cotp_segments(client: Client) -> None:
     link.get(db(1, 0, 400)).put((db(1, 0, 300), SENT[:300])).close()
 
 
-@BOOK.scene("One PDU in three TCP segments, and two PDUs in one", GET, GET, GET)
+@BOOK.scene("One PDU in three TCP segments, and two PDUs in one", "3 get ok")
 def tcp_pieces(client: Client) -> None:
     """TCP has no borders of messages."""
     link = connected(client, parallel=2)
@@ -528,7 +501,7 @@ def tcp_pieces(client: Client) -> None:
     link.close()
 
 
-@BOOK.scene("A request and an answer that TCP sends again: each counts once", GET, GET)
+@BOOK.scene("A request and an answer that TCP sends again: each counts once", "2 get ok")
 def tcp_again(client: Client) -> None:
     """TCP retransmits."""
     link = connected(client)

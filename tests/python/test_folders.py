@@ -30,8 +30,8 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.batch.cores import useful_jobs
 from ds47.batch.endings import Failed
 from ds47.batch.local import Local
-from ds47.batch.results import Results
-from ds47.batch.runner import Here
+from ds47.batch.results import Results, StoredResult
+from ds47.batch.runner import here
 from ds47.batch.tasks import Source, Task, plan
 from ds47.capture import CaptureError
 from ds47.cli import main
@@ -352,7 +352,7 @@ def test_the_name_of_a_result_leads_nowhere_but_down(
     monkeypatch: Any, sep: str, path: str, roots: list[str], name: str
 ) -> None:
     """`sep` is what separates the parts of a path on this system."""
-    results = Results(Path("r"), AnalysisOptions())
+    results = Results(Path("r"), StoredResult(AnalysisOptions()))
     task = Task(path, ())
     with monkeypatch.context() as patch:
         patch.setattr(os, "sep", sep)
@@ -387,7 +387,7 @@ def test_a_full_disk_ends_the_run(tmp_path: Path, jobs: int) -> None:
     make = Names(tmp_path)
     tasks = [Task(name, (Source(name, name),)) for name in ("full-disk", "fine")]
     place = {task.path: tmp_path / task.path for task in tasks}
-    runner = Here if jobs == 1 else partial(Local, jobs=jobs)
+    runner = here if jobs == 1 else partial(Local, jobs=jobs)
     with pytest.raises(OSError, match="No space left"), runner(
         tasks, make, lambda task: place[task.path]
     ) as outcomes:  # fmt: skip
@@ -468,8 +468,8 @@ def test_a_process_that_dies_costs_its_task_a_second_try(tmp_path: Path, others:
         name for name in names if name not in ("broken", "deadly")
     )
     safe = ["a", "broken", "b"]
-    here = outcomes(Here(tasks(*safe), make, lambda task: out / task.path))
-    assert here == ["a", "broken! broken: is broken", "b"]
+    alone = outcomes(here(tasks(*safe), make, lambda task: out / task.path))
+    assert alone == ["a", "broken! broken: is broken", "b"]
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ def test_analysis_says_what_the_scenario_expects(name: str, tmp_path: Path) -> N
     assert got == scenario.expect.transactions
     ids = {finding.rule for finding in result.findings}
     expected = scenario.expect.rules | scenario.expect.diagnoses
-    where = f"`rules` of this scene in {BOOK_OF[name]}"
+    where = f"expectation of this scene in {BOOK_OF[name]}"
     assert not ids - expected, f"add {' '.join(sorted(ids - expected))} to the {where}"
     assert not expected - ids, f"not found is {' '.join(sorted(expected - ids))} of the {where}"
     diagnoses = {rule for rule in ids if rule.startswith("DS7")}

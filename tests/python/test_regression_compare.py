@@ -14,7 +14,7 @@ from ds47.regression.compare import Change, Comparison, compare
 from ds47.regression.config import Config, Ignore, Mask, ParameterTolerance, Tolerance
 from ds47.regression.difference import difference
 from ds47.regression.difference_report import lines
-from ds47.regression.run import fails
+from ds47.regression.run import CheckOutcome, fails
 from ds47.regression.shape import flaw
 from ds47.regression.summary import Summary
 from ds47.spec import error_text
@@ -313,7 +313,8 @@ def test_a_stored_result_is_refused_or_compared_but_breaks_nothing(captures, oth
             changes = list(comparison.changes())
             merge(stored, present, comparison.pairs, changes[::2])
             list(lines(difference(stored, present, ("a", "b"))))
-            Summary().add("", present, changes, failed=True, stored=stored, pairs=comparison.pairs)
+            outcome = CheckOutcome("", CAPTURE, present, stored, None, changes, comparison.pairs)
+            Summary().add(outcome)
     assert 0 < refused < len(list(_places(now)))
 
 

@@ -150,11 +150,7 @@ def _work(make: Product, task: Task, version: str) -> bytes:
 
 
 def _distributed() -> Any:
-    """Dask's package, without what it likes to say: whatever matters comes as an exception.
-
-    Raises:
-        Failed: it is not installed.
-    """
+    """Dask's package, without what it likes to say: whatever matters comes as an exception."""
     try:
         import distributed
     except ImportError as problem:

@@ -12,18 +12,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
-from ds47.analysis import AnalysisOptions
 from ds47.batch.endings import Lost
 from ds47.batch.products import discard
-from ds47.batch.results import LOOKED_AT, OVERVIEW, Results
+from ds47.batch.results import LOOKED_AT, OVERVIEW, Results, StoredResult
 from ds47.batch.tasks import Task
 from ds47.capture.remote import file_system, is_url, reason
 from ds47.report.overview import CaptureRow
-
-if TYPE_CHECKING:
-    from ds47.parameters.expected import Expectation
 
 _AT_ONCE = 128
 """Results that are fetched together."""
@@ -31,17 +26,11 @@ _READ_ONLY = ("http://", "https://")
 
 
 class RemoteResults(Results):
-    """A folder behind a URL.
+    """A folder behind a URL. Raises CaptureError where nothing opens such a URL."""
 
-    Raises:
-        ds47.capture.CaptureError: nothing opens such a URL.
-    """
-
-    def __init__(
-        self, url: str, options: AnalysisOptions, lang: str, expected: tuple[Expectation, ...]
-    ) -> None:
+    def __init__(self, url: str, make: StoredResult) -> None:
         self._scratch = TemporaryDirectory(prefix="ds47-")
-        super().__init__(Path(self._scratch.name), options, lang, expected)
+        super().__init__(Path(self._scratch.name), make)
         self._url = url if url.endswith("://") else url.rstrip("/")
         self._system, base = file_system(url)
         self._base = base.rstrip("/")
@@ -74,11 +63,7 @@ class RemoteResults(Results):
         return set()
 
     def begin(self) -> None:
-        """Whether the folder can be written; an overview of an earlier run is not that of this one.
-
-        Raises:
-            OSError: it cannot.
-        """
+        """Whether the folder can be written; an overview of an earlier run is not that of this one."""
         super().begin()
         overview = self.folder / OVERVIEW
         overview.write_text("{}")
@@ -88,11 +73,7 @@ class RemoteResults(Results):
         overview.unlink()
 
     def fetch(self, tasks: Sequence[Task]) -> None:
-        """Gets the results that are there.
-
-        Raises:
-            OSError: they cannot be read.
-        """
+        """Gets the results that are there. Raises OSError where they cannot be read."""
         with self._reached():
             there = self._there()
             wanted = [task for task in tasks if self._remote(task) in there]
@@ -111,11 +92,7 @@ class RemoteResults(Results):
         return why
 
     def keep(self, task: Task) -> None:
-        """Writes a new result to the URL.
-
-        Raises:
-            Lost: it cannot be written.
-        """
+        """Writes a new result to the URL. Raises Lost where it cannot be written."""
         try:
             with self._reached():
                 self._system.put_file(str(self.path_of(task)), self._remote(task))
@@ -162,20 +139,9 @@ class RemoteResults(Results):
             raise OSError(errno.EIO, reason(problem), self._url) from problem
 
 
-def results_at(
-    name: str,
-    options: AnalysisOptions,
-    lang: str = "en",
-    expected: tuple[Expectation, ...] = (),
-) -> Results:
-    """The results in a folder of this machine, or behind a URL.
-
-    Raises:
-        ds47.capture.CaptureError: nothing opens such a URL.
-    """
+def results_at(name: str, make: StoredResult) -> Results:
+    """The results in a folder of this machine, or behind a URL."""
     if not is_url(name):
-        return Results(Path(name), options, lang, expected)
+        return Results(Path(name), make)
     system, path = file_system(name)
-    if "file" in system.protocol:
-        return Results(Path(path), options, lang, expected)
-    return RemoteResults(name, options, lang, expected)
+    return Results(Path(path), make) if "file" in system.protocol else RemoteResults(name, make)

@@ -74,14 +74,39 @@ class StoredResult:
             cast(BinaryIO, sealed), "utf-8", errors="backslashreplace", newline="\n"
         )
         writer = contract.Writer(text, ReportOptions(lang=self.lang))
-        made = _made_of(task, self.options, self.lang, self.expected)
-        run = {"seal": _UNSEALED, **made, "row": CaptureRow.of(result).plain()}
+        run = {"seal": _UNSEALED, **self.made_of(task), "row": CaptureRow.of(result).plain()}
         writer.about = {"run": run}
         writer.capture(result)
         writer.close()
         text.flush()
         text.detach()
         sealed.seal()
+
+    def made_of(self, task: Task) -> dict[str, Any]:
+        """What a result depends on, besides the version: when it is the same, so is the result."""
+        options = options_for(task.path, self.options)
+        chosen = options._asdict() | {
+            "indices": sorted(options.indices),
+            "codec": options.codec._asdict(),
+            "cyclic": [each._asdict() for each in options.cyclic],
+            "s7": options.s7._asdict(),
+            "lists": [asdict(each) for each in options.lists],
+            "lang": self.lang,
+        }
+        if expected := self.expected or expected_for(task.sources[0].location):
+            chosen["expected"] = expected
+        sources = [
+            {
+                "path": each.name,
+                "size": each.size,
+                "mark": each.mark,
+                "missing_before": each.missing,
+            }
+            for each in task.sources
+        ]
+        # as it reads after a way through a file: tuples are lists there
+        made: dict[str, Any] = json.loads(json.dumps({"sources": sources, "options": chosen}))
+        return made
 
 
 class _Sealed(io.BufferedIOBase):
@@ -118,42 +143,12 @@ def _whole(data: bytes, seal: str) -> bool:
     return len(seal) == len(_UNSEALED) and hashlib.sha256(unsealed).hexdigest() == seal
 
 
-def _made_of(
-    task: Task, options: AnalysisOptions, lang: str, expected: tuple[Expectation, ...]
-) -> dict[str, Any]:
-    """What a result depends on, besides the version: when it is the same, so is the result."""
-    options = options_for(task.path, options)
-    chosen = options._asdict() | {
-        "indices": sorted(options.indices),
-        "codec": options.codec._asdict(),
-        "cyclic": [each._asdict() for each in options.cyclic],
-        "s7": options.s7._asdict(),
-        "lists": [asdict(each) for each in options.lists],
-        "lang": lang,
-    }
-    if expected := expected or expected_for(task.sources[0].location):
-        chosen["expected"] = expected
-    sources = [
-        {"path": each.name, "size": each.size, "mark": each.mark, "missing_before": each.missing}
-        for each in task.sources
-    ]
-    # as it reads after a way through a file: tuples are lists there
-    made: dict[str, Any] = json.loads(json.dumps({"sources": sources, "options": chosen}))
-    return made
-
-
 class Results:
     """A folder of results, and which of them there are already."""
 
-    def __init__(
-        self,
-        folder: Path,
-        options: AnalysisOptions,
-        lang: str = "en",
-        expected: tuple[Expectation, ...] = (),
-    ) -> None:
+    def __init__(self, folder: Path, make: StoredResult) -> None:
         self.folder = folder
-        self._options, self._lang, self._expected = options, lang, expected
+        self.make = make
         self._names: dict[str, str] = {}
 
     def path_of(self, task: Task) -> Path:
@@ -161,11 +156,7 @@ class Results:
         return self.folder / self._names[task.path]
 
     def name(self, tasks: Sequence[Task], roots: Sequence[str]) -> None:
-        """Gives each task the name of its result: its path below the folder that was named.
-
-        Raises:
-            SameNameError: two would have the same.
-        """
+        """Gives each task the name of its result: its path below the folder that was named."""
         owners: dict[str, str] = {}
         for task in tasks:
             name = f"{_below(task.path, roots)}.json"
@@ -182,7 +173,7 @@ class Results:
         except (OSError, *_MISSHAPEN):
             # os.path: a name that is too long is no error there
             return DAMAGED if os.path.exists(self.path_of(task)) else "no result"  # noqa: PTH110
-        now = _made_of(task, self._options, self._lang, self._expected)
+        now = self.make.made_of(task)
         if version != __version__:
             return "another version of ds47"
         if not self._intact(task, made):
@@ -275,11 +266,7 @@ class Results:
                     yield str(path), stream.read(LOOKED_AT)
 
     def begin(self) -> None:
-        """Makes the folder; an overview of an earlier run is not that of this one.
-
-        Raises:
-            OSError: it cannot be written.
-        """
+        """Makes the folder; an overview of an earlier run is not that of this one."""
         self.folder.mkdir(parents=True, exist_ok=True)
         (self.folder / OVERVIEW).unlink(missing_ok=True)
         probe = draft_of(self.folder / OVERVIEW, os.getpid())

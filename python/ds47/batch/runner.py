@@ -10,6 +10,7 @@ import os
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -43,23 +44,11 @@ def make_here(make: Product, task: Task, path: Path) -> Outcome:
     return path
 
 
-class Here:
+def here(
+    tasks: Iterable[Task], make: Product, path_of: PathOf
+) -> AbstractContextManager[Iterator[tuple[Task, Outcome]]]:
     """One task after the other, in this process."""
-
-    def __init__(self, tasks: Iterable[Task], make: Product, path_of: PathOf) -> None:
-        self._tasks = tasks
-        self._make = make
-        self._path_of = path_of
-
-    def __enter__(self) -> Here:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """There is nothing to end."""
-
-    def __iter__(self) -> Iterator[tuple[Task, Outcome]]:
-        for task in self._tasks:
-            yield task, make_here(self._make, task, self._path_of(task))
+    return nullcontext((task, make_here(make, task, path_of(task))) for task in tasks)
 
 
 @dataclass(slots=True, eq=False)

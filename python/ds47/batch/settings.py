@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -45,33 +46,30 @@ class Settings(NamedTuple):
     """The golden list."""
 
 
-def parse(table: Any) -> Settings:
-    """The settings of a table `[cyclic]`.
+@contextmanager
+def _said_of(place: str) -> Iterator[None]:
+    """Says of a ValueError where in the file it is."""
+    try:
+        yield
+    except ValueError as problem:
+        raise ValueError(f"{place} {problem}") from None
 
-    Raises:
-        ValueError: the key and what is allowed.
-    """
+
+def parse(table: Any) -> Settings:
+    """The settings of a table `[cyclic]`. Raises ValueError with the key and what is allowed."""
     from ds47.cyclic import named  # most folders have no settings
 
     table = _checked(table, "cyclic", "channels", "pkw_layout", "ppo")
-    try:
+    with _said_of("[cyclic] channels:"):
         names = tuple(map(named.parse, _texts(table, "channels")))
         named.pairs(names)
-    except ValueError as problem:
-        raise ValueError(f"[cyclic] channels: {problem}") from None
-    try:
+    with _said_of("[cyclic] ppo:"):
         ppos = tuple(map(named.parse_ppo, _texts(table, "ppo")))
-    except ValueError as problem:
-        raise ValueError(f"[cyclic] ppo: {problem}") from None
     return Settings(names, tuple(map(layout, _texts(table, "pkw_layout"))), ppos)
 
 
 def parse_s7(table: Any) -> Choices:
-    """The choices of a table `[s7]`.
-
-    Raises:
-        ValueError: the key and what is allowed.
-    """
+    """The choices of a table `[s7]`. Raises ValueError with the key and what is allowed."""
     table = _checked(table, "s7", "ports", "cpu", "block", "readback")
     ports, readback = table.get("ports", []), table.get("readback", False)
     if not isinstance(ports, list) or not all(type(each) is int for each in ports):
@@ -79,10 +77,8 @@ def parse_s7(table: Any) -> Choices:
     if not isinstance(readback, bool):
         raise ValueError("[s7] readback: write true or false")
     cpus, blocks = _texts(table, "cpu", "s7"), _texts(table, "block", "s7")
-    try:
+    with _said_of("[s7]"):
         return choices.parse(ports, cpus, blocks, readback)
-    except ValueError as problem:
-        raise ValueError(f"[s7] {problem}") from None
 
 
 def parse_names(table: Any) -> int | None:
@@ -96,18 +92,12 @@ def parse_names(table: Any) -> int | None:
         return vendor
     from ds47.spec import maker_names  # few settings name one
 
-    try:
+    with _said_of("[names] vendor:"):
         return maker_names.number(str(vendor))
-    except ValueError as problem:
-        raise ValueError(f"[names] vendor: {problem}") from None
 
 
 def parse_expect(table: Any) -> str | None:
-    """The name of the golden list in `[expect]`.
-
-    Raises:
-        ValueError: the key and what is allowed.
-    """
+    """The name of the golden list in `[expect]`. Raises ValueError with the key and what is allowed."""
     name = _checked(table, "expect", "file").get("file")
     if table and not (isinstance(name, str) and name):
         raise ValueError('[expect] file: write the name of a list, such as "golden.toml"')
@@ -115,11 +105,7 @@ def parse_expect(table: Any) -> str | None:
 
 
 def _checked(table: Any, name: str, *known: str) -> dict[str, Any]:
-    """A table of the file that has no other keys.
-
-    Raises:
-        ValueError: the key and what is allowed.
-    """
+    """A table of the file that has no other keys. Raises ValueError with the key and what is allowed."""
     if not isinstance(table, dict):
         raise ValueError(f"{name}: write it as a table, [{name}]")
     unknown, are = set(table) - set(known), "is" if len(known) == 1 else "are"
@@ -136,11 +122,7 @@ def _texts(table: dict[str, Any], key: str, name: str = "cyclic") -> Sequence[st
 
 
 def layout(text: str) -> tuple[str, str]:
-    """`uss`, or `192.168.0.5=uss` for one device: its address ("" for all) and the layout.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """`uss`, or `192.168.0.5=uss` for one device: its address ("" for all) and the layout."""
     from ds47.cyclic.pkw import CYCLIC, USS
 
     device, _, name = text.rpartition("=")
@@ -150,15 +132,9 @@ def layout(text: str) -> tuple[str, str]:
 
 
 def parse_tz(text: Any) -> Zone:
-    """The zone of `tz` in `[report]`.
-
-    Raises:
-        ValueError: what is allowed.
-    """
-    try:
+    """The zone of `tz` in `[report]`. Raises ValueError with what is allowed."""
+    with _said_of("[report] tz:"):
         return zone(str(text))
-    except ValueError as problem:
-        raise ValueError(f"[report] tz: {problem}") from None
 
 
 def options_for(location: str, options: AnalysisOptions) -> AnalysisOptions:

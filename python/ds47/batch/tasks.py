@@ -157,8 +157,7 @@ def read(
 
     With parameters that are expected, by the caller or by its `ds47.toml`, all transactions come at the end.
 
-    Raises:
-        ds47.capture.CaptureError: none of it can be read, its `ds47.toml` cannot be used, or ds47 itself broke.
+    Raises CaptureError where none of it can be read, its `ds47.toml` cannot be used, or ds47 itself broke.
     """
     with fence():
         expected = expected or expected_for(task.sources[0].location)

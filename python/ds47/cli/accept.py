@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import Misses, tell, warn
-from ds47.cli.helping import Helped
+from ds47.cli.common import Misses, refused, tell, warn
+from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, each_of, jobs_option, options_from
 from ds47.cli.series import refuse_urls, series_option, tasks, tell_lacking
 from ds47.version import __version__
@@ -27,14 +27,11 @@ if TYPE_CHECKING:
 _SHOWN = 20
 
 
-@click.command(
+@helped(
     "accept",
-    cls=Helped,
-    examples=(
-        (
-            "ds47 accept press.pcapng --where pnu=1120 --yes",
-            "the changes of p1120 become the stored result",
-        ),
+    (
+        "ds47 accept press.pcapng --where pnu=1120 --yes",
+        "the changes of p1120 become the stored result",
     ),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
@@ -77,10 +74,8 @@ def command(
     from ds47.report.bilingual import say
 
     refuse_urls(paths)
-    try:
+    with refused(WhereError, usage=True):
         where = parse_where(conditions)
-    except WhereError as problem:
-        raise click.UsageError(str(problem)) from problem
     found, status = _find(paths, series, where, by_version, lang, jobs, options)
     if not found:
         tell([say("accept_nothing").text(lang)])
@@ -118,7 +113,7 @@ def _find(
 
     one = partial(check, options=options_from(**options), lang=lang)
     found, status, misses = [], 0, Misses()
-    try:
+    with refused(ConfigError):
         for task, outcome in each_of(one, tasks(paths, series, misses), jobs):
             tell_lacking(task.path, outcome.missing_files, outcome.problem, misses)
             if outcome.error is not None:
@@ -136,8 +131,6 @@ def _find(
             ]
             if changes:
                 found.append((outcome, changes))
-    except ConfigError as problem:
-        raise click.ClickException(str(problem)) from problem
     return found, misses.status or status
 
 

@@ -12,7 +12,7 @@ import click
 
 from ds47.capture.names import about
 from ds47.cli.common import Misses, stdout
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, each_of, jobs_option, options_from
 from ds47.cli.series import refuse_urls, series_option, tasks, tell_lacking
 
@@ -23,11 +23,7 @@ if TYPE_CHECKING:
     from ds47.model import CaptureResult
 
 
-@click.command(
-    "baseline",
-    cls=Helped,
-    examples=(("ds47 baseline captures", "a stored result beside each capture"),),
-)
+@helped("baseline", ("ds47 baseline captures", "a stored result beside each capture"))
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @click.option("--force", is_flag=True, help="Overwrite an existing result.")
 @jobs_option

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import STDIN, about
-from ds47.cli.common import Misses, columns_of, format_option, output, stdout, tell
-from ds47.cli.helping import Helped
+from ds47.cli.common import Misses, columns_of, format_option, output, refused, stdout, tell
+from ds47.cli.helping import helped
 from ds47.cli.options import (
     analysis_options,
     each_of,
@@ -43,18 +43,15 @@ _MARGIN = 8
 """Columns of the word in front of a capture."""
 
 
-@click.command(
+@helped(
     "check",
-    cls=Helped,
-    examples=(
-        (
-            "ds47 check captures --junit ds47.xml",
-            "all captures of a folder against their stored results",
-        ),
-        (
-            "ds47 check captures --expect golden.toml --fail-on warning",
-            "and their drives against a list",
-        ),
+    (
+        "ds47 check captures --junit ds47.xml",
+        "all captures of a folder against their stored results",
+    ),
+    (
+        "ds47 check captures --expect golden.toml --fail-on warning",
+        "and their drives against a list",
     ),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
@@ -138,13 +135,11 @@ def _run(
 
     one = partial(_timed, how=how)
     outcomes, seconds, misses = [], [], Misses()
-    try:
+    with refused(ConfigError):
         for _, (outcome, took) in each_of(one, tasks(paths, series, misses), jobs):
             outcomes.append(outcome)
             seconds.append(took)
             tell_lacking(outcome.path, outcome.missing_files, outcome.problem, misses)
-    except ConfigError as problem:
-        raise click.ClickException(str(problem)) from problem
     gone = _gone(paths, series, how["fail_on"])
     return outcomes + gone, seconds + [0.0] * len(gone), misses
 
@@ -163,12 +158,10 @@ def _gone(paths: Sequence[str], series: bool, fail_on: str | None) -> list[Check
     from ds47.regression.run import lonely
 
     folders = (path for path in paths if path != STDIN and Path(path).is_dir())
-    try:
+    with refused(ConfigError):
         found = [
             each.outcome(fail_on) for folder in folders for each in lonely(folder, series=series)
         ]
-    except ConfigError as problem:
-        raise click.ClickException(str(problem)) from problem
     return list({os.path.normpath(outcome.path): outcome for outcome in found}.values())
 
 
@@ -264,15 +257,7 @@ def _summary(outcomes: Sequence[CheckOutcome]) -> Any:
 
     summary = Summary()
     for outcome in outcomes:
-        if outcome.now is not None:
-            summary.add(
-                outcome.label,
-                outcome.now,
-                outcome.changes,
-                failed=outcome.failed,
-                stored=outcome.stored,
-                pairs=outcome.pairs,
-            )
+        summary.add(outcome)
     return summary
 
 

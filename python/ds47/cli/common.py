@@ -97,11 +97,7 @@ def dialect_options(function: Function) -> Function:
 
 
 def vendor_number(text: str) -> int:
-    """The PROFINET vendor id of a known name, or from a number.
-
-    Raises:
-        click.BadParameter: it is neither.
-    """
+    """The PROFINET vendor id of a known name, or from a number."""
     from ds47.parameters.lists import LARGEST_ID
     from ds47.spec import maker_names
 
@@ -120,11 +116,7 @@ def vendor_number(text: str) -> int:
 def codec_options(
     legacy_g120_formats: bool, profile_v3_types: bool, vendor: str | None = None
 ) -> Options:
-    """The codec's options from those of the command line.
-
-    Raises:
-        click.BadParameter: `vendor` is neither a known name nor an id.
-    """
+    """The codec's options from those of the command line."""
     from ds47.profidrive import Options
 
     vendor_id = None if vendor is None else vendor_number(vendor)
@@ -199,6 +191,16 @@ def cannot_write(name: str, problem: OSError) -> click.ClickException:
     full = problem.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", None))
     advice = ". Try: a file on another disk" if full else ""
     return click.ClickException(f"cannot write {name}: {problem.strerror or problem}{advice}")
+
+
+@contextmanager
+def refused(*kinds: type[Exception], said: str = "", usage: bool = False) -> Iterator[None]:
+    """What is wrong as an error of the command, or of its words; `said` stands in front."""
+    try:
+        yield
+    except kinds as problem:
+        made = click.UsageError if usage else click.ClickException
+        raise made(f"{said}{problem}") from problem
 
 
 @contextmanager

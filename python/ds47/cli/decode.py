@@ -16,6 +16,7 @@ from ds47.cli.common import (
     codec_options,
     dialect_options,
     lang_option,
+    refused,
     stdout,
     tell,
     warn,
@@ -24,7 +25,7 @@ from ds47.cli.decode_cyclic import CYCLIC, cyclic_words
 from ds47.cli.decode_message import text
 from ds47.cli.decode_profibus import PROFIBUS, profibus_words
 from ds47.cli.decode_s7 import S7, s7_words
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.report.bilingual import say
 from ds47.spec.pkw_layouts import maker_layouts
 
@@ -33,11 +34,7 @@ if TYPE_CHECKING:
     from ds47.profidrive import Options
 
 
-@click.command(
-    "decode",
-    cls=Helped,
-    examples=(("ds47 decode 01 01 02 01 10 01 03 A9 00 00", "the bytes of a request"),),
-)
+@helped("decode", ("ds47 decode 01 01 02 01 10 01 03 A9 00 00", "the bytes of a request"))
 @click.argument("message", metavar="[HEX]...", nargs=-1)
 @click.option(
     "--as",
@@ -139,10 +136,8 @@ def _decoded(data: bytes, kind: str | None, question: bytes | None, options: Opt
 def _bytes(text: str, what: str, lang: str) -> bytes:
     from ds47.cli.pasted import read
 
-    try:
+    with refused(ValueError, said=f"{what}: ", usage=True):
         pasted = read(text)
-    except ValueError as problem:
-        raise click.UsageError(f"{what}: {problem}") from problem
     if not pasted.data:
         raise click.UsageError(f"{what}: no bytes. Try: ds47 decode 0102030110010460")
     if pasted.decimal:

@@ -38,7 +38,7 @@ def command(folder: Path | None, no_browser: bool, lang: str) -> int:
     capture, page = folder / NAME, folder / "report.html"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        capture.write_bytes(_content())
+        capture.write_bytes((_PACKED if _PACKED.is_file() else _CHECKOUT).read_bytes())
     except OSError as problem:
         raise cannot_write(str(capture), problem) from problem
     sys.stdout.flush()
@@ -52,8 +52,3 @@ def command(folder: Path | None, no_browser: bool, lang: str) -> int:
     )
     stdout().write(say("demo_next", path=capture).text(lang) + "\n")
     return 0
-
-
-def _content() -> bytes:
-    """The capture, of the package or of the checkout."""
-    return (_PACKED if _PACKED.is_file() else _CHECKOUT).read_bytes()

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import Misses, columns_of, fail, format_option, output
-from ds47.cli.helping import Helped
+from ds47.cli.common import Misses, columns_of, fail, format_option, output, refused
+from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
@@ -21,11 +21,7 @@ if TYPE_CHECKING:
     from ds47.regression.last_values import ValueLine
 
 
-@click.command(
-    "diff",
-    cls=Helped,
-    examples=(("ds47 diff yesterday.pcapng today.pcapng", "what changed between them"),),
-)
+@helped("diff", ("ds47 diff yesterday.pcapng today.pcapng", "what changed between them"))
 @click.argument("a", metavar="A")
 @click.argument("b", metavar="B")
 @format_option("text", "json", "html")
@@ -103,10 +99,8 @@ def _last_values(
 def _table(path: str) -> list[ValueLine]:
     from ds47.regression.last_values import read
 
-    try:
+    with refused(OSError, ValueError, said=f"{path}: "):
         return read(Path(path).read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError) as problem:
-        raise click.ClickException(f"{path}: {problem}") from problem
 
 
 def _side(
@@ -149,10 +143,8 @@ def _from_json(path: str) -> dict[str, Any]:
     from ds47.regression import baseline
     from ds47.regression.shape import flaw
 
-    try:
+    with refused(OSError, ValueError, RecursionError, said=f"{path}: "):
         document = baseline.parse(Path(path).read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as problem:
-        raise click.ClickException(f"{path}: {problem}") from problem
     if isinstance(document, dict) and document.get("schema") in ("ds47.report/1", "ds47.report/2"):
         captures = document.get("captures", [])
         if not isinstance(captures, list):
@@ -171,7 +163,5 @@ def _from_json(path: str) -> dict[str, Any]:
                 f"{path}: the report is not whole (see {where or 'captures'}); make it again"
             )
         return cast(dict[str, Any], capture)
-    try:
+    with refused(baseline.BaselineError):
         return baseline.load(Path(path)).content
-    except baseline.BaselineError as problem:
-        raise click.ClickException(str(problem)) from problem

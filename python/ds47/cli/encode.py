@@ -16,11 +16,12 @@ from ds47.cli.common import (
     format_option,
     lang_option,
     pkw_layout_option,
+    refused,
     rule_text,
     stdout,
     warn,
 )
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 
 if TYPE_CHECKING:
     from ds47.profidrive import Request
@@ -53,14 +54,11 @@ The eight bytes of a PKW request, for the cyclic channel:
 """
 
 
-@click.command(
+@helped(
     "encode",
+    ("ds47 encode 'change DO 3 p1120=5.0'", "a request as bytes"),
+    ("ds47 encode -f scl-fb 'read DO 3 r0945[0..7]'", "a block for the PLC"),
     help=HELP,
-    cls=Helped,
-    examples=(
-        ("ds47 encode 'change DO 3 p1120=5.0'", "a request as bytes"),
-        ("ds47 encode -f scl-fb 'read DO 3 r0945[0..7]'", "a block for the PLC"),
-    ),
 )
 @click.argument("words", metavar="[LINE]...", nargs=-1)
 @format_option(
@@ -91,10 +89,8 @@ def command(
         return
     if eeprom:
         raise click.UsageError("--eeprom is for a change by PKW: pkw change p1082=Float32:40.0")
-    try:
+    with refused(ValueError, usage=True):
         asked = read_request_line(line.strip())
-    except ValueError as problem:
-        raise click.UsageError(str(problem)) from problem
     request = asked.request
     data = encode_request(request)
     if format_name == "scl-fb":
@@ -110,10 +106,8 @@ def _function_block(request: Request, lang: str) -> str:
     from ds47.profidrive.notation import format_request_line
     from ds47.report.scl import function_block
 
-    try:
+    with refused(ValueError, usage=True):
         return function_block(request, format_request_line(request), lang)
-    except ValueError as problem:
-        raise click.UsageError(str(problem)) from problem
 
 
 def _unquoted(line: str) -> str:
@@ -127,10 +121,8 @@ def _pkw(line: str, layout: str, eeprom: bool, lang: str) -> bytes:
     from ds47.cyclic.pkw import decode
     from ds47.report.bilingual import say
 
-    try:
+    with refused(ValueError, usage=True):
         data = encode_line(line, layout, eeprom)
-    except ValueError as problem:
-        raise click.UsageError(str(problem)) from problem
     message = decode(data, answer=False, layout=layout)
     if message.ak == 1 and message.subindex:
         warn(say("pkw_read_index").text(lang))

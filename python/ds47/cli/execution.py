@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from ds47.capture.names import STDIN
-from ds47.cli.common import cannot_write, counted, warn
+from ds47.cli.common import cannot_write, counted, refused, warn
 from ds47.cli.run import Run
 from ds47.model import CaptureResult
 from ds47.report import Writer
@@ -66,11 +66,12 @@ class Execution(NamedTuple):
         if self.folder is None:
             return None, tasks
         from ds47.batch.remote_results import results_at
-        from ds47.batch.results import NotOursError, SameNameError
+        from ds47.batch.results import NotOursError, SameNameError, StoredResult
         from ds47.capture import CaptureError
 
         try:
-            results = results_at(self.folder, self.analysis, self.lang, self.expected)
+            make = StoredResult(self.analysis, self.lang, self.expected)
+            results = results_at(self.folder, make)
             results.name(tasks, roots)
             results.spare(tasks)
             results.begin()
@@ -127,12 +128,10 @@ class Execution(NamedTuple):
         results: Results,
         writer: Writer,
     ) -> None:
-        from ds47.batch.results import StoredResult
         from ds47.report.overview import Writer as Overview
 
         rows = writer.rows if isinstance(writer, Overview) else None
-        make = StoredResult(self.analysis, self.lang, self.expected)
-        runner = self._runner(todo, make, results.path_of)
+        runner = self._runner(todo, results.make, results.path_of)
         results.end(run.stored(results, tasks, todo, runner, rows), os.getpid())
 
     def _jobs(self, tasks: Sequence[Task]) -> int:
@@ -153,12 +152,10 @@ class Execution(NamedTuple):
         from ds47.wireshark.engine import Engine
         from ds47.wireshark.tshark import NotReadyError
 
-        try:
+        with refused(NotReadyError):
             other = Engine(
                 "both" if self.engine == "both" else "tshark", options, self.tshark, self.lang
             )
-        except NotReadyError as problem:
-            raise click.ClickException(str(problem)) from problem
 
         def analyze(task: Task, finished: OnTransaction | None) -> CaptureResult:
             source = sys.stdin.buffer if task.path == STDIN else task.path
@@ -178,9 +175,9 @@ class Execution(NamedTuple):
             return Cluster(tasks, make, path_of, self.scheduler)
         jobs = self._jobs(tasks)
         if jobs == 1 or not tasks:
-            from ds47.batch.runner import Here
+            from ds47.batch.runner import here
 
-            return Here(tasks, make, path_of)
+            return here(tasks, make, path_of)
         from ds47.batch.local import Local
 
         return Local(tasks, make, path_of, jobs)

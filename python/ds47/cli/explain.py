@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import lang_option, prose_width, stdout, tell, warn
-from ds47.cli.helping import Helped
+from ds47.cli.common import lang_option, prose_width, refused, stdout, tell, warn
+from ds47.cli.helping import helped
 
 if TYPE_CHECKING:
     from ds47.explain import CodeMeaning
@@ -29,15 +29,12 @@ _FOUND = 10
 """Parameters that are listed for a word of their names."""
 
 
-@click.command(
+@helped(
     "explain",
+    ("ds47 explain DE80B500", "a STATUS of WRREC or RDREC"),
+    ("ds47 explain p1120 0x6B", "a parameter and an error number"),
+    ("ds47 explain SINA_POS 8402", "what a block shows"),
     context_settings={"ignore_unknown_options": True},
-    cls=Helped,
-    examples=(
-        ("ds47 explain DE80B500", "a STATUS of WRREC or RDREC"),
-        ("ds47 explain p1120 0x6B", "a parameter and an error number"),
-        ("ds47 explain SINA_POS 8402", "what a block shows"),
-    ),
 )
 @click.argument("code", nargs=-1, required=True)
 @click.option("--vendor", metavar="NAME|ID", help="Vendor of the device: SINAMICS, ABB, 0x002A.")
@@ -174,13 +171,7 @@ def _print(text: str, vendor: str | None, lang: str, format_name: str) -> None:
 
 
 def _listed(text: str, number: int | None, lang: str) -> list[SourceEntry]:
-    """What the lists that the user took in say of a parameter or a message; of a bare number as of a message.
-
-    Args:
-        text: what is explained.
-        number: the same where it is a number alone.
-        lang: "en" or "zh".
-    """
+    """What the lists that the user took in say of a parameter or a message; of a bare number as of a message."""
     from ds47.parameters import lists, store
     from ds47.parameters.catalogue import Catalogue
     from ds47.report import known
@@ -210,10 +201,8 @@ def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
     from ds47.spec import explanations
     from ds47.spec.maker_names import UnclearNameError
 
-    try:
+    with refused(UnclearNameError, usage=True):
         maker = None if vendor is None else find_vendor(vendor)
-    except UnclearNameError as problem:
-        raise click.UsageError(str(problem)) from problem
     try:
         return explain(text, lang, maker)
     except UnknownFormError as problem:

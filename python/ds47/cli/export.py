@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import ENDINGS, EXPORTED, STDIN, about
-from ds47.cli.common import Misses, cannot_write, stdout, warn
-from ds47.cli.helping import Helped
+from ds47.cli.common import Misses, cannot_write, refused, stdout, warn
+from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -39,14 +39,11 @@ _FILTER_SHOWN = 100
 """The most files of a series to print filters for."""
 
 
-@click.command(
+@helped(
     "export",
-    cls=Helped,
-    examples=(
-        (
-            "ds47 export -s failed --anonymise machine.pcapng -o for-the-maker.pcapng",
-            "what failed, without names and addresses",
-        ),
+    (
+        "ds47 export -s failed --anonymise machine.pcapng -o for-the-maker.pcapng",
+        "what failed, without names and addresses",
     ),
 )
 @click.argument("paths", metavar="CAPTURE...", nargs=-1, required=True)
@@ -282,11 +279,9 @@ class _Run:
 
         if self.key_path is None:
             return
-        try:
+        with refused(KeyFileError):
             path = self.key_path
             self._key = Replacements.load(path) if path.exists() else Replacements()
-        except KeyFileError as problem:
-            raise click.ClickException(str(problem)) from problem
 
     def one(self, task: Task, target: str) -> None:
         """Exports one capture."""

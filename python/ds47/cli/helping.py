@@ -5,7 +5,7 @@ Each option explains itself where it is defined. This module only says which opt
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import click
@@ -76,3 +76,8 @@ class Helped(click.Command):
             if records:
                 with formatter.section(title):
                     formatter.write_dl(records)
+
+
+def helped(name: str, *examples: tuple[str, str], **more: Any) -> Callable[..., Helped]:
+    """A decorator: a command of this name, with examples."""
+    return click.command(name, cls=Helped, examples=examples, **more)

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ds47.cli.common import codec_options, dialect_options, fail, lang_option, vendor_number
+from ds47.cli.common import (
+    codec_options,
+    dialect_options,
+    fail,
+    lang_option,
+    refused,
+    vendor_number,
+)
 from ds47.model import CHANNELS, SEVERITIES
 
 if TYPE_CHECKING:
@@ -31,10 +38,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def _zone(_context: click.Context, _parameter: click.Parameter, text: str) -> Zone:
     from ds47.report.zones import zone
 
-    try:
+    with refused(ValueError, said="--tz ", usage=True):
         return zone(text)
-    except ValueError as problem:
-        raise click.UsageError(f"--tz {problem}") from None
 
 
 def zone_for_paths(where: Zone, paths: Sequence[str]) -> Zone:
@@ -100,10 +105,8 @@ def each_of(
     from ds47.batch.local import in_order  # takes longer to import than a small capture to check
     from ds47.capture import CaptureError
 
-    try:
+    with refused(CaptureError, Failed):
         yield from zip(tasks, in_order(function, tasks, number), strict=True)
-    except (CaptureError, Failed) as problem:
-        raise click.ClickException(str(problem)) from problem
 
 
 require_option = click.option(
@@ -304,27 +307,19 @@ def _lists(names: Sequence[str], kept: bool) -> tuple[ParameterList, ...]:
         return ()
     from ds47.parameters import lists
 
-    try:
+    with refused(lists.ListError, usage=True):
         own = [found for _, found in store.kept()] if kept else []
         return (*own, *(lists.read(Path(name)) for name in names))
-    except lists.ListError as problem:
-        raise click.UsageError(str(problem)) from problem
 
 
 def expected_in(name: str | None) -> tuple[Expectation, ...]:
-    """The golden list of --expect.
-
-    Raises:
-        click.UsageError: it cannot be read.
-    """
+    """The golden list of --expect."""
     if name is None:
         return ()
     from ds47.parameters import expected, lists
 
-    try:
+    with refused(lists.ListError, said="--expect ", usage=True):
         return expected.read(Path(name))
-    except lists.ListError as problem:
-        raise click.UsageError(f"--expect {problem}") from problem
 
 
 def _channels(names: str) -> tuple[str, ...]:
@@ -344,11 +339,9 @@ def _named(texts: Sequence[str]) -> tuple[Name, ...]:
         return ()
     from ds47.cyclic import named
 
-    try:
+    with refused(ValueError, said="--cyclic: ", usage=True):
         names = tuple(map(named.parse, texts))
         named.pairs(names)
-    except ValueError as problem:
-        raise click.UsageError(f"--cyclic: {problem}") from None
     return names
 
 
@@ -358,10 +351,8 @@ def _ppos(texts: Sequence[str]) -> tuple[tuple[int, int], ...]:
         return ()
     from ds47.cyclic import named
 
-    try:
+    with refused(ValueError, said="--ppo: ", usage=True):
         return tuple(map(named.parse_ppo, texts))
-    except ValueError as problem:
-        raise click.UsageError(f"--ppo: {problem}") from None
 
 
 def _s7(
@@ -370,10 +361,8 @@ def _s7(
     """The choices for S7."""
     from ds47.s7 import choices
 
-    try:
+    with refused(ValueError, said="--s7-", usage=True):
         return choices.parse(ports, cpus, blocks, readback)
-    except ValueError as problem:
-        raise click.UsageError(f"--s7-{problem}") from None
 
 
 def known_rules(names: Sequence[str]) -> tuple[str, ...]:
@@ -411,7 +400,5 @@ def _index(text: str) -> int:
 def _layout(text: str) -> tuple[str, str]:
     from ds47.batch.settings import layout
 
-    try:
+    with refused(ValueError, said="--pkw-layout ", usage=True):
         return layout(text)
-    except ValueError as problem:
-        raise click.UsageError(f"--pkw-layout {problem}") from None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ds47.cli.common import counted, fail, stdout, warn
+from ds47.cli.common import counted, fail, refused, stdout, warn
 from ds47.cli.helping import Gathered
 from ds47.version import __version__
 
@@ -191,10 +191,8 @@ def _plugins(folder: Path | None, shark: Wireshark | None) -> Path | None:
 def _sources() -> Sources:
     from ds47.wireshark import bundle
 
-    try:
+    with refused(FileNotFoundError):
         return bundle.plugin_sources()
-    except FileNotFoundError as problem:
-        raise click.ClickException(str(problem)) from problem
 
 
 def _installed(what: str, outcome: InstallOutcome) -> str:

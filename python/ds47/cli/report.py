@@ -19,9 +19,9 @@ from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
 from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
-from ds47.cli.common import Misses, color, columns_of, fail, output, stdout, width_option
+from ds47.cli.common import Misses, color, columns_of, fail, output, refused, stdout, width_option
 from ds47.cli.execution import Execution
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.cli.options import (
     analysis_options,
     expect_option,
@@ -58,18 +58,15 @@ from ds47.report.zones import Zone
 UNREADABLE, NOTHING = 3, 1
 
 
-@click.command(
+@helped(
     "report",
-    cls=Helped,
-    examples=(
-        ("ds47 report machine.pcapng", "what went wrong, and what to do"),
-        ("ds47 report machine.pcapng -o machine.html", "the same as a page"),
-        ("ds47 report -s failed --do 3 machine.pcapng", "what failed on drive object 3"),
-        ("ds47 report --summary captures", "a folder in 12 lines"),
-        (
-            "ds47 report --expect golden.toml machine.pcapng",
-            "which parameters are not as they should be",
-        ),
+    ("ds47 report machine.pcapng", "what went wrong, and what to do"),
+    ("ds47 report machine.pcapng -o machine.html", "the same as a page"),
+    ("ds47 report -s failed --do 3 machine.pcapng", "what failed on drive object 3"),
+    ("ds47 report --summary captures", "a folder in 12 lines"),
+    (
+        "ds47 report --expect golden.toml machine.pcapng",
+        "which parameters are not as they should be",
     ),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
@@ -259,10 +256,8 @@ def command(
 
 def _heading(said: Heading, paths: Sequence[str]) -> Heading:
     """The title block: what is typed, and what is not as `ds47.toml` has it."""
-    try:
+    with refused(CaptureError):
         return said.over(heading_for(paths))
-    except CaptureError as problem:
-        raise click.ClickException(str(problem)) from problem
 
 
 _ONLY_IN = {
@@ -282,11 +277,7 @@ _SPELLED = {"opens": "open", "show_all": "all"}
 
 
 def _refuse_what_has_no_effect(format_name: str) -> None:
-    """An option that a format does not know is refused: whoever gives it waits for its effect.
-
-    Raises:
-        click.UsageError: one is given.
-    """
+    """An option that a format does not know is refused: whoever gives it waits for its effect."""
     context = click.get_current_context()
     given = {
         f"--{_SPELLED.get(name, name)}": formats for name, formats in _ONLY_IN.items()
@@ -321,11 +312,7 @@ def _detail(format_name: str, output_name: str) -> str:
 
 
 def _reference(text: str) -> Reference:
-    """`50Hz=1395rpm`: the same speed in one unit or several.
-
-    Raises:
-        click.UsageError: it is no number with a unit.
-    """
+    """`50Hz=1395rpm`: the same speed in one unit or several."""
     values = []
     for part in text.split("="):
         found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([^\d\s.]\D*)\s*", part)
@@ -342,10 +329,8 @@ def _writer(format_name: str, stream: TextIO, fail_on: str, options: ReportOptio
     options = options._replace(
         color=color(stream), fail_on="error" if fail_on == "never" else fail_on
     )
-    try:
+    with refused(CannotWriteError):
         return open_writer(format_name, stream, options)
-    except CannotWriteError as problem:
-        raise click.ClickException(str(problem)) from problem
 
 
 class _Catalogue(Mapping[str, RuleText]):

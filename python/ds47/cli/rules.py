@@ -10,17 +10,13 @@ from collections.abc import Sequence
 import click
 
 from ds47.cli.common import RuleWords, columns_of, lang_option, prose_width, rule_text, stdout, tell
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.report.bilingual import say
 from ds47.report.table import table
 from ds47.report.wrap import fitted, wrap
 
 
-@click.command(
-    "rules",
-    cls=Helped,
-    examples=(("ds47 rules DS705", "what a finding means, and what to do"),),
-)
+@helped("rules", ("ds47 rules DS705", "what a finding means, and what to do"))
 @click.argument("names", metavar="[RULE]...", nargs=-1)
 @lang_option
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")

@@ -21,7 +21,7 @@ from ds47.cli.common import (
     warn,
     width_option,
 )
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, chosen, selection_options
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -33,11 +33,7 @@ if TYPE_CHECKING:
     from ds47.model import CaptureResult
 
 
-@click.command(
-    "trail",
-    cls=Helped,
-    examples=(("ds47 trail machine.pcapng --pnu p1120", "who changed p1120, from what to what"),),
-)
+@helped("trail", ("ds47 trail machine.pcapng --pnu p1120", "who changed p1120, from what to what"))
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @format_option("text", "csv", "json")
 @click.option("-o", "--output", "output_name", metavar="FILE", default="-", help="Write to a file.")

@@ -16,7 +16,7 @@ import click
 
 from ds47.capture.names import STDIN
 from ds47.cli.common import color, columns_of, fail, format_option, stdout, warn
-from ds47.cli.helping import Helped
+from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, fail_on_option, options_from, tz_option
 from ds47.model import S7, SEVERITIES
 
@@ -30,11 +30,7 @@ if TYPE_CHECKING:
 _UNREADABLE = 3
 
 
-@click.command(
-    "watch",
-    cls=Helped,
-    examples=(("ds47 watch -i eth0", "what happens on this interface"),),
-)
+@helped("watch", ("ds47 watch -i eth0", "what happens on this interface"))
 @click.argument("source", metavar="[SOURCE]", required=False)
 @click.option(
     "-i",

@@ -81,12 +81,7 @@ class _Standing:
 
 @dataclass(slots=True)
 class Operation:
-    """What is wrong with the operation of one drive.
-
-    Args:
-        where: arguments of every finding: the device and its slot.
-        bounds: how long is too long.
-    """
+    """What is wrong with the operation of one drive."""
 
     where: dict[str, Any]
     bounds: Limits

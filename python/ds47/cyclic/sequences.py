@@ -34,11 +34,7 @@ class Head(NamedTuple):
 
 
 class Sequences:
-    """The sequences of counters among such frames, within limits.
-
-    Args:
-        cycle_ns: from one frame to the next.
-    """
+    """The sequences of counters among such frames, within limits. `cycle_ns`: from one frame to the next."""
 
     def __init__(self, cycle_ns: int) -> None:
         self._cycle = max(cycle_ns // _TICK_NS, 1)

@@ -19,8 +19,7 @@ _UNDER_CONTROL = 0x0230
 class Trips:
     """The faults that stopped one drive.
 
-    Args:
-        limit_ns: from the first frame in which it does not run any more to its fault.
+    `limit_ns`: from the first frame in which it does not run any more to its fault.
     """
 
     limit_ns: int

@@ -55,7 +55,7 @@ def _asked(block: Block, words: list[str]) -> Asked | None:
     of_block = blocks.outputs(block.name)
     while words:
         word = words.pop(0)
-        plain = _plain(word)
+        plain = word.lower().replace("_", "")
         output = next((each for each in of_block if plain in each.words), None)
         if plain == "error" and words and words[0].lower() in _FLAGS:
             error = _FLAGS[words.pop(0).lower()]
@@ -67,10 +67,6 @@ def _asked(block: Block, words: list[str]) -> Asked | None:
         return None
     outputs = tuple(named) or tuple(each for each in of_block if not each.only_named)
     return Asked(block, outputs, " ".join(value), error)
-
-
-def _plain(word: str) -> str:
-    return word.lower().replace("_", "")
 
 
 def meanings(question: Asked, output: Output, lang: str) -> Iterator[CodeMeaning]:
@@ -149,14 +145,9 @@ def _unknown(block: str, output: Output, value: int, lang: str) -> CodeMeaning:
 def _access(
     block: str, output: Output, value: int, lang: str, whole: bool
 ) -> Iterator[CodeMeaning]:
-    """Both readings of the two words of SINA_PARA: the kind of error first, or the bits of the parameters.
+    """Both readings of the two words of SINA_PARA(_S): the kind of error first, or the bits of the parameters.
 
-    Args:
-        block: SINA_PARA or SINA_PARA_S.
-        output: Status.
-        value: the double word, or a word alone.
-        lang: "en" or "zh".
-        whole: both words were written.
+    `whole`: both words were written, not one of them alone.
     """
     words, known = blocks.words(lang), blocks.of_output(block, output.name)
     high, low = value >> _WORD_BITS & _LOW, value & _LOW

@@ -9,24 +9,8 @@ from functools import partial
 from typing import Any
 
 from ds47 import spec
-from ds47.explain import blocks, cyclic, messages, snap7
+from ds47.explain import blocks, cyclic, forms, messages, snap7
 from ds47.explain.answer import CodeMeaning, CodePart, answer
-from ds47.explain.forms import (
-    ALARM,
-    BYTE,
-    FAULT,
-    FORMAT,
-    NUMBER,
-    PARAMETER,
-    PKW,
-    RULE,
-    STATUS,
-    TELEGRAM,
-    WORD,
-    Reading,
-    UnknownFormError,
-    read,
-)
 from ds47.explain.makers import Maker, called
 from ds47.profidrive.naming import spelling
 from ds47.spec import blocks as spec_blocks
@@ -39,34 +23,30 @@ from ds47.spec.statuses import status_hex, status_text
 def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[CodeMeaning]:
     """All that a code can mean, the likeliest first; what has no meaning comes last.
 
-    Args:
-        text: the code, see `read`.
-        lang: "en" or "zh".
-        vendor: of the error numbers; None takes all known ones.
-
-    Raises:
-        UnknownFormError: the text is not a code.
+    Without a vendor error numbers are of all known ones. Raises UnknownFormError where the text is not a code.
     """
     asked = blocks.asked(text)
     if asked is not None:
         return _of_block(asked, lang, vendor, text)
-    code = read(text)
+    code = forms.read(text)
     found: dict[tuple[str, str, str | None], CodeMeaning] = {}
     for reading in code.readings:
         for meaning in _meanings(reading, code.kind, lang, vendor):
             found.setdefault((meaning.kind, meaning.code, meaning.vendor), meaning)
     if not found:  # a word in front that does not go with the number
-        raise UnknownFormError(text)
+        raise forms.UnknownFormError(text)
     if code.kind is None and not any(each.known for each in found.values()):
         guesses = (*cyclic.likely(code.readings, lang), *blocks.both_words(code.readings, lang))
         if guesses:
             rest = (each for each in found.values() if each.kind == S7_ERROR)
             found = {(each.kind, each.code, None): each for each in (*guesses, *rest)}
-    far = {f"0x{each.value:04X}" for each in code.readings if each.decimal and each.size == WORD}
+    far = {
+        f"0x{each.value:04X}" for each in code.readings if each.decimal and each.size == forms.WORD
+    }
     some, bare = any(each.known for each in found.values()), code.text.isdigit()
     kept = [each for each in found.values() if each.known or not some or each.code not in far]
     return sorted(
-        kept, key=lambda each: (not each.known, bare and each.kind == PARAMETER, each.rank)
+        kept, key=lambda each: (not each.known, bare and each.kind == forms.PARAMETER, each.rank)
     )
 
 
@@ -77,11 +57,11 @@ def _of_block(asked: blocks.Asked, lang: str, vendor: Maker | None, text: str) -
         if output.reads in (blocks.CODE, blocks.ACCESS):
             found += blocks.meanings(asked, output, lang)
         else:
-            with suppress(UnknownFormError):
+            with suppress(forms.UnknownFormError):
                 found += _of_output(asked, output, lang, vendor)
     known = [each for each in found if each.known]
     if not found:
-        raise UnknownFormError(text)
+        raise forms.UnknownFormError(text)
     return sorted(known, key=lambda each: each.rank == explanations.rank("block_else")) or found[:1]
 
 
@@ -105,25 +85,25 @@ def _of_output(
 
 
 def _meanings(
-    reading: Reading, kind: str | None, lang: str, vendor: Maker | None
+    reading: forms.Reading, kind: str | None, lang: str, vendor: Maker | None
 ) -> Iterator[CodeMeaning]:
     value = reading.value
     if kind is None:
         yield from blocks.alone(reading, lang)
-    if kind == PKW or kind in bit_words():
+    if kind == forms.PKW or kind in bit_words():
         yield cyclic.named(str(kind), value, lang, None if vendor is None else vendor.id)
     elif kind in RETURNED or kind == S7_ERROR:
-        if reading.size in (BYTE, WORD):
+        if reading.size in (forms.BYTE, forms.WORD):
             yield _s7(value, lang) if kind == S7_ERROR else _number(str(kind), value, lang)
         elif kind == S7_ERROR:
             yield from snap7.named(reading, lang)
     elif reading.size in _OF_ONE_MEANING:
         yield _OF_ONE_MEANING[reading.size](value, lang)
-    elif reading.size == FORMAT:
-        yield _number(FORMAT, value, lang)
-    elif reading.size in (STATUS, NUMBER):
+    elif reading.size == forms.FORMAT:
+        yield _number(forms.FORMAT, value, lang)
+    elif reading.size in (forms.STATUS, forms.NUMBER):
         yield from _of_status(reading, kind, lang)
-    elif reading.size == WORD:
+    elif reading.size == forms.WORD:
         yield from _of_word(reading, kind, lang, vendor)
     elif reading.decimal and kind is None:
         yield from _decimal_byte(value, lang, vendor)
@@ -134,7 +114,7 @@ def _meanings(
 
 
 def _of_word(
-    reading: Reading, kind: str | None, lang: str, vendor: Maker | None
+    reading: forms.Reading, kind: str | None, lang: str, vendor: Maker | None
 ) -> Iterator[CodeMeaning]:
     """A number of two bytes."""
     value = reading.value
@@ -150,11 +130,11 @@ def _of_word(
 # Statuses
 
 
-def _of_status(reading: Reading, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
+def _of_status(reading: forms.Reading, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
     """A number of four bytes: a status, or one of a library that speaks S7."""
     if kind not in (None, "status"):
         return
-    if reading.size == STATUS:
+    if reading.size == forms.STATUS:
         yield _status(reading.value, lang)
         yield from _without_first_byte(reading.value, lang)
     if kind is None and (reading.decimal or _entry_of_status(reading.value) is None):
@@ -438,7 +418,7 @@ def _number(kind: str, value: int, lang: str) -> CodeMeaning:
     alone = code if kind == "error_code" else f"{explanations.kind_word(kind)} {code}"
     return answer(
         kind, code, alone, title, known, entry, lang, rank=_rank_of(kind, value),
-        parts=_other_names(value, words) if known and kind == FORMAT else (),
+        parts=_other_names(value, words) if known and kind == forms.FORMAT else (),
         filter_name=entry.filter or _FILTERS.get(kind, kind),
         values={"value": code.lower(), "code": code.lower(), "name": name or code},
     )  # fmt: skip
@@ -498,7 +478,7 @@ def _wide_errors(
         yield from _errors(value, lang, vendor)
 
 
-def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
+def _s7_error(reading: forms.Reading, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
     """A word with which S7 communication refuses a job, without a word in front of it."""
     if kind is None and not (reading.decimal and reading.value < _NEGATIVE):
         meaning = _s7(reading.value, lang)
@@ -600,7 +580,7 @@ def _parameter(number: int, lang: str) -> CodeMeaning:
     words, known = explanations.words(lang), spec.of_families(number)
     makers = {row.family for row in known}
     code = spelling(number, spec.MICROMASTER if makers == {spec.MICROMASTER} else None)
-    entry = explanations.of_number(PARAMETER, number)
+    entry = explanations.of_number(forms.PARAMETER, number)
     assert entry is not None
     values = {"code": code, "hex": f"{number:04X}", "value": str(number)}
     if not known:
@@ -610,8 +590,8 @@ def _parameter(number: int, lang: str) -> CodeMeaning:
         text = words["part_separator"].join(_listed(row, lang) for row in known)
         title = words["parameter"].format_map(values | {"text": text})
     return answer(
-        PARAMETER, code, f"{explanations.kind_word(PARAMETER)} {number}", title, bool(known), entry, lang,
-        rank=PARAMETER, filter_name=entry.filter, values=values, parts=_values(known, lang),
+        forms.PARAMETER, code, f"{explanations.kind_word(forms.PARAMETER)} {number}", title, bool(known), entry,
+        lang, rank=forms.PARAMETER, filter_name=entry.filter, values=values, parts=_values(known, lang),
         advice=None if known else words["parameter_advice"].format_map(values),
     )  # fmt: skip
 
@@ -680,7 +660,7 @@ def _rule(number: int, lang: str) -> CodeMeaning:
 
 
 _OF_ONE_MEANING: Mapping[str, Callable[[int, str], CodeMeaning]] = {
-    PARAMETER: _parameter, RULE: _rule, TELEGRAM: cyclic.telegram,
-    FAULT: partial(messages.meaning, FAULT), ALARM: partial(messages.meaning, ALARM),
+    forms.PARAMETER: _parameter, forms.RULE: _rule, forms.TELEGRAM: cyclic.telegram,
+    forms.FAULT: partial(messages.meaning, forms.FAULT), forms.ALARM: partial(messages.meaning, forms.ALARM),
 }  # fmt: skip
 """What is said about a number that can only be one thing."""

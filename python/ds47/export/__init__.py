@@ -29,14 +29,7 @@ from ds47.profinet.records import NIL_UUID, parse_request, parse_response
 from ds47.report.file_frames import FileFrames
 from ds47.report.filters import display_filter
 from ds47.s7.choices import PORT
-from ds47.spec.layouts import (
-    RPC_CONNECT,
-    RPC_CONTROL,
-    RPC_READ,
-    RPC_READ_IMPLICIT,
-    RPC_RELEASE,
-    RPC_WRITE,
-)
+from ds47.spec import layouts
 from ds47.version import __version__
 
 from .anonymise import Anonymiser, Knowledge
@@ -69,12 +62,12 @@ __all__ = [
 ]
 
 _OPERATIONS = {
-    RPC_CONNECT: "Connect",
-    RPC_RELEASE: "Release",
-    RPC_READ: "Read",
-    RPC_WRITE: "Write",
-    RPC_CONTROL: "Control",
-    RPC_READ_IMPLICIT: "ReadImplicit",
+    layouts.RPC_CONNECT: "Connect",
+    layouts.RPC_RELEASE: "Release",
+    layouts.RPC_READ: "Read",
+    layouts.RPC_WRITE: "Write",
+    layouts.RPC_CONTROL: "Control",
+    layouts.RPC_READ_IMPLICIT: "ReadImplicit",
 }
 _MISPLACED = "DS707"
 """The rule of requests that were written to another record."""
@@ -314,7 +307,7 @@ def _description(message: TrackedMessage) -> str:
     kind = rpc.PTYPES[pdu.ptype]
     operation = _OPERATIONS.get(pdu.opnum, f"operation {pdu.opnum}")
     index = ""
-    if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
+    if pdu.opnum in (layouts.RPC_READ, layouts.RPC_WRITE, layouts.RPC_READ_IMPLICIT):
         records = parse_request(pdu)[0] if pdu.ptype == 0 else []
         if pdu.ptype == 2:
             records = parse_response(pdu)[1]

@@ -16,21 +16,7 @@ from ds47.profidrive import Options
 from ds47.profinet import rpc
 from ds47.profinet.records import NIL_UUID
 from ds47.profinet.traces import Trace
-from ds47.spec.layouts import (
-    RPC_ACTIVITY,
-    RPC_BODY,
-    RPC_BOOT,
-    RPC_FLAGS,
-    RPC_FRAGMENT,
-    RPC_INTERFACE,
-    RPC_INTERFACE_HINT,
-    RPC_INTERFACE_VERSION,
-    RPC_LITTLE,
-    RPC_OBJECT,
-    RPC_ORDER,
-    RPC_READ_IMPLICIT,
-    RPC_SIZE,
-)
+from ds47.spec import layouts
 
 from . import blocks, stations, values
 from .drafts import Draft, Drafts
@@ -39,13 +25,13 @@ from .tracking import Copy, TrackedMessage
 
 _UDP = 8
 """Bytes of the UDP header in front of that of RPC."""
-_UUIDS = (RPC_OBJECT, RPC_ACTIVITY)
+_UUIDS = (layouts.RPC_OBJECT, layouts.RPC_ACTIVITY)
 """Object and activity, in the RPC header."""
 _UNREAD = (
-    (RPC_FLAGS + 1, 1),  # the second byte of flags
-    (RPC_ORDER + 1, 3),  # kind of floating point numbers, reserved, serial number
-    (RPC_BOOT, 4),
-    (RPC_FRAGMENT + 2, 2),  # authentication, serial number
+    (layouts.RPC_FLAGS + 1, 1),  # the second byte of flags
+    (layouts.RPC_ORDER + 1, 3),  # kind of floating point numbers, reserved, serial number
+    (layouts.RPC_BOOT, 4),
+    (layouts.RPC_FRAGMENT + 2, 2),  # authentication, serial number
 )
 """What nobody needs of the RPC header: where it begins, and how long it is."""
 _NO_HINTS = b"\xff" * 4
@@ -190,8 +176,8 @@ class Anonymiser:
 
     def _header(self, data: bytes, body: bytes) -> bytes:
         """UDP header, RPC header with other UUIDs, the body, zeros."""
-        little = data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
-        out = bytearray(_cleared(data[: _UDP + RPC_SIZE]) + body)
+        little = data[_UDP + layouts.RPC_ORDER] & layouts.RPC_LITTLE != 0
+        out = bytearray(_cleared(data[: _UDP + layouts.RPC_SIZE]) + body)
         for at, change in zip(_UUIDS, (blocks.object_uuid, Replacements.uuid), strict=True):
             span = slice(_UDP + at, _UDP + at + 16)
             out[span] = _turned(change(self.key, _turned(bytes(out[span]), little)), little)
@@ -200,9 +186,14 @@ class Anonymiser:
     def _stump(self, data: bytes) -> bytes:
         """A frame that ends inside the RPC header: what is needed in front of the activity stays."""
         data = _cleared(data)
-        start, end, stop = (_UDP + at for at in (RPC_OBJECT, RPC_INTERFACE, RPC_ACTIVITY))
+        start, end, stop = (
+            _UDP + at for at in (layouts.RPC_OBJECT, layouts.RPC_INTERFACE, layouts.RPC_ACTIVITY)
+        )
         head, known = data[:start], data[start:end]
-        little = len(data) > _UDP + RPC_ORDER and data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
+        little = (
+            len(data) > _UDP + layouts.RPC_ORDER
+            and data[_UDP + layouts.RPC_ORDER] & layouts.RPC_LITTLE != 0
+        )
         if len(known) < 16 or rpc.device_identity(_turned(known, little)) is None:
             known = bytes(len(known))
         return head + known + data[end:stop] + bytes(len(data[stop:]))
@@ -210,7 +201,7 @@ class Anonymiser:
     def _record(self, pdu: rpc.Pdu, ar: bytes, index: int, content: bytes) -> bytes:
         """The content of one record; zeros where it is no parameter message."""
         about = self._knowledge
-        if pdu.opnum == RPC_READ_IMPLICIT:
+        if pdu.opnum == layouts.RPC_READ_IMPLICIT:
             ar = NIL_UUID
         ours = (pdu.client, pdu.server, ar, index) in about.ours or index in ALWAYS
         if not ours and (self._frame, index) not in about.misplaced:
@@ -295,29 +286,29 @@ def _hardware(key: Replacements, length: bytes, field_: bytes) -> bytes:
 
 def _cleared(data: bytes) -> bytes:
     """UDP and RPC header, or the begin of them, without what nobody needs."""
-    out = bytearray(data.ljust(_UDP + RPC_SIZE, b"\0"))
+    out = bytearray(data.ljust(_UDP + layouts.RPC_SIZE, b"\0"))
     for at, size in _UNREAD:
         out[_UDP + at : _UDP + at + size] = bytes(size)
-    little = out[_UDP + RPC_ORDER] & RPC_LITTLE
-    out[_UDP + RPC_ORDER] = little
-    at = _UDP + RPC_INTERFACE + 8
+    little = out[_UDP + layouts.RPC_ORDER] & layouts.RPC_LITTLE
+    out[_UDP + layouts.RPC_ORDER] = little
+    at = _UDP + layouts.RPC_INTERFACE + 8
     version = _VERSION if out[at : at + 8] == UUIDS[8:16] else _MAPPER_VERSION
-    at = _UDP + RPC_INTERFACE_VERSION
+    at = _UDP + layouts.RPC_INTERFACE_VERSION
     out[at : at + 4] = version.to_bytes(4, "little" if little else "big")
-    at = _UDP + RPC_INTERFACE_HINT
+    at = _UDP + layouts.RPC_INTERFACE_HINT
     out[at : at + 4] = _NO_HINTS
     return bytes(out[: len(data)])
 
 
 def _body_size(data: bytes) -> int:
     """Captured bytes of the RPC body in a UDP datagram."""
-    little = data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
+    little = data[_UDP + layouts.RPC_ORDER] & layouts.RPC_LITTLE != 0
     stated = int.from_bytes(
-        data[_UDP + RPC_BODY : _UDP + RPC_BODY + 2], "little" if little else "big"
+        data[_UDP + layouts.RPC_BODY : _UDP + layouts.RPC_BODY + 2], "little" if little else "big"
     )
     length = int.from_bytes(data[4:6], "big")
     end = min(len(data), length) if length >= 8 else len(data)
-    return max(0, min(stated, end - _UDP - RPC_SIZE))
+    return max(0, min(stated, end - _UDP - layouts.RPC_SIZE))
 
 
 def _turned(data: bytes, little: bool) -> bytes:

@@ -10,41 +10,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from ds47.profinet import rpc
-from ds47.spec.layouts import (
-    BLOCK_AR,
-    BLOCK_AR_REQUEST,
-    BLOCK_AR_RESPONSE,
-    BLOCK_EXPECTED_SUBMODULES,
-    BLOCK_IOCR_REQUEST,
-    BLOCK_IOCR_RESPONSE,
-    BLOCK_LENGTH,
-    BLOCK_READ_REQUEST,
-    BLOCK_READ_RESPONSE,
-    BLOCK_SIZE,
-    BLOCK_VERSION,
-    BLOCK_WRITE_REQUEST,
-    BLOCK_WRITE_RESPONSE,
-    NDR_SIZE,
-    RECORD_DATA,
-    RECORD_INDEX,
-    RECORD_PADDING,
-    RECORD_SIZE,
-    RECORD_STATUS,
-    RECORD_WRITE_MULTIPLE,
-    RPC_READ,
-    RPC_READ_IMPLICIT,
-    RPC_WRITE,
-)
+from ds47.spec import layouts
 
 from .mapping import Replacements
 from .stations import blank
 
 _RECORD = {
-    BLOCK_WRITE_REQUEST, BLOCK_READ_REQUEST, BLOCK_WRITE_RESPONSE, BLOCK_READ_RESPONSE,
+    layouts.BLOCK_WRITE_REQUEST, layouts.BLOCK_READ_REQUEST,
+    layouts.BLOCK_WRITE_RESPONSE, layouts.BLOCK_READ_RESPONSE,
 }  # fmt: skip
 _NDR_OFFSET, _NDR_COUNT = 12, 16
 """Where the NDR header has the offset of an array, which is always 0, and then its length."""
-_AR_UUID = slice(BLOCK_AR, BLOCK_AR + 16)
+_AR_UUID = slice(layouts.BLOCK_AR, layouts.BLOCK_AR + 16)
 
 Record = Callable[[rpc.Pdu, bytes, int, bytes], bytes]
 """(message, AR, index, content) -> the content to write."""
@@ -73,15 +50,17 @@ class _Layout:
     """Words (two bytes) that nobody needs: padding, or reserved."""
 
 
-_LIFE = _Layout(uuids=(BLOCK_AR,), size=32, words=(6, 26))
+_LIFE = _Layout(uuids=(layouts.BLOCK_AR,), size=32, words=(6, 26))
 _BLOCKS: Mapping[int, _Layout] = {
-    BLOCK_AR_REQUEST: _Layout(macs=(26,), uuids=(BLOCK_AR,), objects=(32,), name=56),
-    BLOCK_AR_RESPONSE: _Layout(macs=(26,), uuids=(BLOCK_AR,), size=34),
-    BLOCK_IOCR_REQUEST: _Layout(macs=(38,), size=44, lists=((4, (6,), (6,)),)),
-    BLOCK_IOCR_RESPONSE: _Layout(size=12),
+    layouts.BLOCK_AR_REQUEST: _Layout(
+        macs=(26,), uuids=(layouts.BLOCK_AR,), objects=(32,), name=56
+    ),
+    layouts.BLOCK_AR_RESPONSE: _Layout(macs=(26,), uuids=(layouts.BLOCK_AR,), size=34),
+    layouts.BLOCK_IOCR_REQUEST: _Layout(macs=(38,), size=44, lists=((4, (6,), (6,)),)),
+    layouts.BLOCK_IOCR_RESPONSE: _Layout(size=12),
     0x0103: _Layout(size=26),  # AlarmCRBlockReq
     0x8103: _Layout(size=12),  # AlarmCRBlockRes
-    BLOCK_EXPECTED_SUBMODULES: _Layout(size=6, lists=((12, (8, _DESCRIPTIONS)),)),
+    layouts.BLOCK_EXPECTED_SUBMODULES: _Layout(size=6, lists=((12, (8, _DESCRIPTIONS)),)),
     0x8104: _Layout(size=6, lists=((4, (8, (8,))),)),  # ModuleDiffBlock
     0x0105: _Layout(objects=(6,), name=28),  # PrmServerBlock
     0x0106: _Layout(name=14),  # MCRBlockReq
@@ -98,9 +77,9 @@ def body(key: Replacements, pdu: rpc.Pdu, record: Record) -> bytes:
         return data[:4] + blank(data[4:])  # a status at the most
     if pdu.opnum == rpc.NO_OPERATION:  # of the endpoint mapper: names of interfaces and stations
         return blank(data)
-    out, rest = data[:_NDR_OFFSET] + blank(data[_NDR_OFFSET:_NDR_COUNT]), data[NDR_SIZE:]
-    out += data[_NDR_COUNT:NDR_SIZE]
-    if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
+    out, rest = data[:_NDR_OFFSET] + blank(data[_NDR_OFFSET:_NDR_COUNT]), data[layouts.NDR_SIZE :]
+    out += data[_NDR_COUNT : layouts.NDR_SIZE]
+    if pdu.opnum in (layouts.RPC_READ, layouts.RPC_WRITE, layouts.RPC_READ_IMPLICIT):
         return out + _records(key, pdu, rest, record)
     return out + _blocks(key, rest)
 
@@ -113,16 +92,16 @@ def object_uuid(key: Replacements, data: bytes) -> bytes:
 
 def _blocks(key: Replacements, data: bytes) -> bytes:
     out = b""
-    while len(out) + BLOCK_SIZE <= len(data):
+    while len(out) + layouts.BLOCK_SIZE <= len(data):
         at = len(out)
         kind = int.from_bytes(data[at : at + 2], "big")
-        length = int.from_bytes(data[at + BLOCK_LENGTH : at + BLOCK_VERSION], "big")
+        length = int.from_bytes(data[at + layouts.BLOCK_LENGTH : at + layouts.BLOCK_VERSION], "big")
         if length < 2:
             break
         block = data[at : at + 4 + length]
         layout = _BLOCKS.get(kind)
         out += (
-            block[:BLOCK_SIZE] + blank(block[BLOCK_SIZE:])
+            block[: layouts.BLOCK_SIZE] + blank(block[layouts.BLOCK_SIZE :])
             if layout is None
             else _block(key, block, layout)
         )
@@ -169,19 +148,19 @@ def _end(block: bytes, at: int, parts: tuple[_Part, ...]) -> int:
 def _records(key: Replacements, pdu: rpc.Pdu, data: bytes, record: Record) -> bytes:
     """Record blocks one after another; IODWriteMultiple holds more of them, padded to four."""
     out, request = b"", pdu.ptype == 0
-    while len(out) + RECORD_SIZE <= len(data):
+    while len(out) + layouts.RECORD_SIZE <= len(data):
         at = len(out)
-        head = data[at : at + RECORD_SIZE]
+        head = data[at : at + layouts.RECORD_SIZE]
         kind = int.from_bytes(head[:2], "big")
         if kind not in _RECORD:
             break
-        index = int.from_bytes(head[RECORD_INDEX : RECORD_INDEX + 2], "big")
+        index = int.from_bytes(head[layouts.RECORD_INDEX : layouts.RECORD_INDEX + 2], "big")
         out += _record_head(key, head)
-        if request and index == RECORD_WRITE_MULTIPLE and at == 0:
+        if request and index == layouts.RECORD_WRITE_MULTIPLE and at == 0:
             continue  # its records follow
-        stated = int.from_bytes(head[RECORD_DATA : RECORD_DATA + 4], "big")
-        if kind in (BLOCK_WRITE_REQUEST, BLOCK_READ_RESPONSE):
-            content = data[at + RECORD_SIZE : at + RECORD_SIZE + stated]
+        stated = int.from_bytes(head[layouts.RECORD_DATA : layouts.RECORD_DATA + 4], "big")
+        if kind in (layouts.BLOCK_WRITE_REQUEST, layouts.BLOCK_READ_RESPONSE):
+            content = data[at + layouts.RECORD_SIZE : at + layouts.RECORD_SIZE + stated]
             out += record(pdu, head[_AR_UUID], index, content)
         if request and len(out) < len(data):
             out += bytes(min(-len(out) % 4, len(data) - len(out)))
@@ -189,11 +168,13 @@ def _records(key: Replacements, pdu: rpc.Pdu, data: bytes, record: Record) -> by
 
 
 def _record_head(key: Replacements, head: bytes) -> bytes:
-    out = head[:8] + key.uuid(head[_AR_UUID]) + head[24:RECORD_PADDING]
-    out += blank(head[RECORD_PADDING:RECORD_INDEX]) + head[RECORD_INDEX:40]
+    out = head[:8] + key.uuid(head[_AR_UUID]) + head[24 : layouts.RECORD_PADDING]
+    out += (
+        blank(head[layouts.RECORD_PADDING : layouts.RECORD_INDEX]) + head[layouts.RECORD_INDEX : 40]
+    )
     if head[:2] == b"\0\x09":  # a Read request: the AR it is about, then padding
         return out + key.uuid(head[40:56]) + blank(head[56:])
     if head[:2] == b"\0\x08":
         return out + blank(head[40:])
-    known = RECORD_STATUS + 4 if head[:2] == b"\x80\x08" else RECORD_STATUS
+    known = layouts.RECORD_STATUS + 4 if head[:2] == b"\x80\x08" else layouts.RECORD_STATUS
     return out + head[40:known] + blank(head[known:])  # additional values, status of a Write

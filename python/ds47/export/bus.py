@@ -13,7 +13,7 @@ from ds47.capture import Frame
 from ds47.export.selection import Chosen, Selection
 from ds47.model import Transaction
 from ds47.profibus import LINK_TYPES
-from ds47.profibus.telegram import SC, Telegram, decode
+from ds47.profibus.telegram import SC, decode
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +26,7 @@ class _Span:
 
 
 class BusFrames:
-    """Tells which frames of a capture with PROFIBUS are wanted.
-
-    Args:
-        selection: what is wanted,
-        chosen: and what that is in this capture.
-    """
+    """Tells which frames of a capture with PROFIBUS are wanted."""
 
     def __init__(self, selection: Selection, chosen: Chosen) -> None:
         self._selection = selection
@@ -53,14 +48,10 @@ class BusFrames:
                 )
             return self._acknowledged and self._selection.in_time(frame.time_ns)
         return number in self._chosen.frames or any(
-            each.first <= number <= each.last and _concerns(item, each.station)
+            each.first <= number <= each.last
+            and (item.kind == SC or each.station in (item.da, item.sa))
             for each in self._spans
         )
-
-
-def _concerns(item: Telegram, station: int) -> bool:
-    """Whether a frame is one to a station, from it, or its short acknowledgement."""
-    return item.kind == SC or station in (item.da, item.sa)
 
 
 def _spans(item: Transaction) -> Iterator[_Span]:

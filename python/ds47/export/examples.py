@@ -6,11 +6,11 @@ here, how in `ds47.export`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from ds47 import spec
-from ds47.model import CaptureResult, Diagnosis, Finding, Transaction
+from ds47.model import CaptureResult, Diagnosis, Finding
 from ds47.report.todo import uncovered
 
 from .selection import Chosen, chosen_of
@@ -41,14 +41,11 @@ class Example:
 def examples(
     result: CaptureResult, rules: tuple[str, ...] = (), names: dict[str, str] | None = None
 ) -> list[Example]:
-    """The examples of a capture, the diagnoses first; those that have a frame.
+    """The examples of a complete capture, the diagnoses first; those that have a frame.
 
-    Args:
-        result: a complete one, with its transactions.
-        rules: how the ids of the wanted rules begin; none for all.
-        names: rule id -> name, to say these instead of the messages.
+    `rules`: how the wanted ids begin; none for all. `names` stand for the messages.
     """
-    owners = _owners(result.transactions)
+    owners = {frame: each.id for each in result.transactions for frame in each.frames.all()}
     by_id = {each.id: each for each in result.transactions}
     found: list[Example] = []
     seen: dict[str, int] = {}
@@ -85,8 +82,3 @@ def _frames(item: Diagnosis | Finding) -> list[int]:
     first = item.frames[:1] if isinstance(item, Diagnosis) else [item.frame]
     named = spec.rules()[item.rule].named_frames(item.args)
     return list(dict.fromkeys([*first, *named]))[:_NAMED]
-
-
-def _owners(items: Iterable[Transaction]) -> dict[int, int]:
-    """To which transaction a frame belongs."""
-    return {frame: each.id for each in items for frame in each.frames.all()}

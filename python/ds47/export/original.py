@@ -16,11 +16,7 @@ Original = str | Path | Sequence[SeriesPart]
 
 
 def opened(original: Original) -> Capture | Series:
-    """The capture from its beginning.
-
-    Raises:
-        ds47.capture.CaptureError: nothing can be read (of a series: says `problem`).
-    """
+    """The capture from its beginning."""
     return open_capture(original) if isinstance(original, str | Path) else Series(original)
 
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 from ds47.findings.grouping import OF_THE_RECORDING, Grouping, cause
 from ds47.findings.remark import Remark
 from ds47.findings.times import FrameTimes
 from ds47.model import DIAGNOSIS, DS47, PKW, PZD, S7, Diagnosis, Finding, Transaction
-from ds47.spec import Rule, rules
+from ds47.spec import rules
 
 NOTE: Final = "note"
 
@@ -113,15 +113,14 @@ class Findings:
         foreign = remark.of is not None and remark.of.is_foreign
         severity = NOTE if foreign else row.severity
         return Finding(
-            remark.rule, severity, remark.frame, _frames(row, remark.frame, args), transaction,
+            remark.rule, severity, remark.frame, sorted({remark.frame, *row.named_frames(args)}), transaction,
             remark.offset, args, time_ns=self._times.of(remark.frame) if known is None else known,
         )  # fmt: skip
 
     def result(self, transactions: Mapping[int, Transaction]) -> list[Finding]:
         """All findings in the order of their frames; their transactions get to know their rules.
 
-        Args:
-            transactions: by the order of their jobs.
+        `transactions`: by the order of their jobs.
         """
         findings: list[Finding] = []
         owners: dict[int, Transaction] = {}
@@ -136,8 +135,3 @@ class Findings:
             owner.findings.sort()
         findings.sort(key=lambda f: (f.frame, f.rule, f.transaction or 0, f.offset or 0))
         return findings
-
-
-def _frames(row: Rule, frame: int, args: Mapping[str, Any]) -> list[int]:
-    """The frame on which a finding is reported, and those that its arguments name."""
-    return sorted({frame, *row.named_frames(args)})

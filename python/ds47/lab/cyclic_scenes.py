@@ -11,11 +11,9 @@ from ds47.lab.client import Client, drive
 from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, LabModule
 from ds47.lab.drive import LabDrive, PkwParameter
 from ds47.lab.machine import ACKNOWLEDGE, IDLE, OFF, ON, Machine
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 
 BOOK = Book("cyclic")
-FLOAT = {"double": True}
-ERROR_CHANGE, ERROR_READ = ("change", "error"), ("read", "error")
 SPEED, ALONE = LabModule(2, 2, 4), LabModule(2, 2, 12)
 """Telegrams 1 and 352, without PKW."""
 WITHOUT_CONTROL = 0x007E
@@ -45,168 +43,148 @@ def machine(
 ) -> Machine[Cyclic]:
     """The machine of most scenes, connected; `settings` are those of its drive."""
     line = Cyclic(client, modules or (PKW, PZD), reduction=reduction)
-    drive = LabDrive(cells=parameters())
-    for name, value in settings.items():
-        setattr(drive, name, value)
-    return Machine(line, drive).connect()
+    return Machine(line, LabDrive(cells=parameters())).let(**settings).connect()
 
 
 # Operation
 
 
-@BOOK.scene("A clean start, a run and a stop: no finding", OK_READ)
+@BOOK.scene("A clean start, a run and a stop: no finding", "read ok")
 def start_and_stop(client: Client) -> None:
     """A drive is started, runs, is read, and stops by OFF1."""
     it = machine(client).start(60).read(1082)
     it.setpoint(30).run(1).control(OFF).until(lambda drive: drive.state == "S2").run(0.3)
 
 
-@BOOK.scene("DS520: a fault while the drive runs", rules="DS512 DS520")
+@BOOK.scene("DS520: a fault while the drive runs", "DS512 DS520")
 def fault(client: Client) -> None:
     """The drive finds a fault while it runs."""
-    it = machine(client).start()
-    it.drive.fault = 30002
+    it = machine(client).start().let(fault=30002)
     it.run(0.5).control(OFF).run(0.2).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.5)
 
 
-@BOOK.scene("DS520 of a drive of another maker, as a note", rules="DS520")
+@BOOK.scene("DS520 of a drive of another maker, as a note", "DS520")
 def fault_of_another_maker(client: Client) -> None:
     """A drive trips three times, and its maker is not the one whose tables are known."""
     client.device = drive(vendor_id=0x0493)
     it = machine(client).start()
     for _ in range(3):
-        it.drive.fault = 30002
+        it.let(fault=30002)
         it.run(0.3).control(OFF).run(0.2).control(ACKNOWLEDGE).run(0.2).control(OFF).run(
             0.3
         ).start()
 
 
-@BOOK.scene("DS520 with the number, which telegram 352 carries", rules="DS520")
+@BOOK.scene("DS520 with the number, which telegram 352 carries", "DS520")
 def fault_with_number(client: Client) -> None:
     """The drive finds a fault while it runs, and its telegram has the number."""
-    it = machine(client, ALONE).start()
-    it.drive.fault = 30002
+    it = machine(client, ALONE).start().let(fault=30002)
     it.run(0.5).control(OFF).run(0.2).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.5)
 
 
-@BOOK.scene("Near DS520: a fault at standstill", rules="DS512")
+@BOOK.scene("Near DS520: a fault at standstill", "DS512")
 def fault_at_standstill(client: Client) -> None:
     """The drive finds a fault while it stands, which is acknowledged."""
     it = machine(client).control(OFF).run(0.3)
-    it.drive.fault = 7860
-    it.run(0.5).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.3)
+    it.let(fault=7860).run(0.5).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.3)
 
 
 @BOOK.scene(
-    "DS521: ON with a complete control word, and the drive waits for something else",
-    rules="DS512 DS521",
+    "DS521: ON with a complete control word, and the drive waits for something else", "DS512 DS521"
 )
 def on_without_enable(client: Client) -> None:
     """ON, and an enable signal of the drive is missing."""
     machine(client, enabled=False).control(OFF).run(0.3).setpoint(50).control(ON).run(12)
 
 
-@BOOK.scene("Near DS521: the enable signal comes after eight seconds", rules="DS512")
+@BOOK.scene("Near DS521: the enable signal comes after eight seconds", "DS512")
 def on_with_late_enable(client: Client) -> None:
     """ON, and an enable signal of the drive comes late, with a new ON."""
     it = machine(client, enabled=False).control(OFF).run(0.3).setpoint(50).control(ON).run(8)
-    it.drive.enabled = True
-    it.start()
+    it.let(enabled=True).start()
 
 
-@BOOK.scene("DS522: ON in a word that the drive ignores", rules="DS512 DS522")
+@BOOK.scene("DS522: ON in a word that the drive ignores", "DS512 DS522")
 def on_without_control(client: Client) -> None:
     """ON, but bit 10 of the control word is missing."""
     it = machine(client).control(OFF).run(0.3)
     it.control(0x007E).run(0.2).control(0x007F).run(1).control(OFF).run(0.3)
 
 
-@BOOK.scene("DS522, DS532: a program that does not know bit 10", rules="DS512 DS522 DS532 DS533")
+@BOOK.scene("DS522, DS532: a program that does not know bit 10", "DS512 DS522 DS532 DS533")
 def never_control(client: Client) -> None:
     """16#007E, 16#007F, and 16#00FE after a fault: never is bit 10 set."""
     it = machine(client).control(WITHOUT_CONTROL).run(0.3).control(WITHOUT_CONTROL | 1).run(2)
-    it.control(WITHOUT_CONTROL).run(0.3)
-    it.drive.fault = 7860
+    it.control(WITHOUT_CONTROL).run(0.3).let(fault=7860)
     it.run(0.5).control(WITHOUT_CONTROL | 0x80).run(2.2).control(WITHOUT_CONTROL).run(0.3)
 
 
-@BOOK.scene("Near DS522: bit 10 is missing, and nothing is asked for", rules="DS512")
+@BOOK.scene("Near DS522: bit 10 is missing, and nothing is asked for", "DS512")
 def control_given_back(client: Client) -> None:
     """The program gives control back while the drive stands."""
     machine(client).control(OFF).run(0.3).control(0x0000).run(1).control(OFF).run(0.3)
 
 
-@BOOK.scene("DS523: ON stands at 1 from the first frame on; then OFF1 and ON", rules="DS512 DS523")
+@BOOK.scene("DS523: ON stands at 1 from the first frame on; then OFF1 and ON", "DS512 DS523")
 def on_from_the_first_frame(client: Client) -> None:
     """The drive does not start: 16#047F from the first frame on. 16#047E, 16#047F: it runs."""
     it = machine(client).setpoint(40).control(ON).run(4).control(OFF).run(0.5).control(ON)
     it.until(lambda drive: drive.actual >= 39.9).run(0.5)
 
 
-@BOOK.scene("Near DS523: ON stands for one second, then the program gives the edge", rules="DS512")
+@BOOK.scene("Near DS523: ON stands for one second, then the program gives the edge", "DS512")
 def on_with_edge(client: Client) -> None:
     """ON stands at 1 for one second only."""
     it = machine(client).setpoint(40).control(ON).run(1).control(OFF).run(0.5).control(ON)
     it.until(lambda drive: drive.actual >= 39.9).run(0.5)
 
 
-@BOOK.scene("DS524: acknowledged, and the fault stays", rules="DS512 DS524 DS533")
+@BOOK.scene("DS524: acknowledged, and the fault stays", "DS512 DS524 DS533")
 def fault_that_stays(client: Client) -> None:
     """A fault is acknowledged while its cause is still there."""
     it = machine(client, cleared=False).control(OFF).run(0.3)
-    it.drive.fault = 7860
-    it.run(0.5).control(ACKNOWLEDGE).run(0.2).control(OFF).run(3)
+    it.let(fault=7860).run(0.5).control(ACKNOWLEDGE).run(0.2).control(OFF).run(3)
 
 
-@BOOK.scene("Near DS524: it goes after one second", rules="DS512")
+@BOOK.scene("Near DS524: it goes after one second", "DS512")
 def fault_that_goes_late(client: Client) -> None:
     """A fault is acknowledged again, and goes with the second time."""
     it = machine(client, cleared=False).control(OFF).run(0.3)
-    it.drive.fault = 7860
-    it.run(0.5).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.8)
-    it.drive.cleared = True
-    it.control(ACKNOWLEDGE).run(0.2).control(OFF).run(3)
+    it.let(fault=7860).run(0.5).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.8)
+    it.let(cleared=True).control(ACKNOWLEDGE).run(0.2).control(OFF).run(3)
 
 
-@BOOK.scene("DS532: acknowledged with 16#00FE, without control by PLC", rules="DS512 DS532 DS533")
+@BOOK.scene("DS532: acknowledged with 16#00FE, without control by PLC", "DS512 DS532 DS533")
 def acknowledged_without_control(client: Client) -> None:
     """A fault is acknowledged three times by words without bit 10, and stands to the end."""
-    it = machine(client).control(OFF).run(0.3)
-    it.drive.fault = 7860
-    it.run(0.5)
+    it = machine(client).control(OFF).run(0.3).let(fault=7860).run(0.5)
     for _ in range(3):
         it.control(WITHOUT_CONTROL).run(0.5).control(WITHOUT_CONTROL | 0x80).run(2.2)
 
 
-@BOOK.scene("Near DS532: the fault goes at that edge", rules="DS512")
+@BOOK.scene("Near DS532: the fault goes at that edge", "DS512")
 def acknowledged_by_something_else(client: Client) -> None:
     """An acknowledgement without bit 10, and somebody acknowledges the fault at the drive meanwhile."""
-    it = machine(client).control(OFF).run(0.3)
-    it.drive.fault = 7860
+    it = machine(client).control(OFF).run(0.3).let(fault=7860)
     it.run(0.5).control(WITHOUT_CONTROL).run(0.2).control(WITHOUT_CONTROL | 0x80).run(0.3)
-    it.drive.fault = 0
-    it.run(3)
+    it.let(fault=0).run(3)
 
 
-@BOOK.scene("DS533: a fault at standstill that nobody acknowledges", rules="DS512 DS533")
+@BOOK.scene("DS533: a fault at standstill that nobody acknowledges", "DS512 DS533")
 def fault_that_stands(client: Client) -> None:
     """The drive finds a fault while it stands, and has it when the capture ends."""
-    it = machine(client).control(OFF).run(0.3)
-    it.drive.fault = 7860
-    it.run(0.5)
+    machine(client).control(OFF).run(0.3).let(fault=7860).run(0.5)
 
 
-@BOOK.scene("DS533: a fault, and then the data of the drive is invalid", rules="DS512 DS533")
+@BOOK.scene("DS533: a fault, and then the data of the drive is invalid", "DS512 DS533")
 def fault_behind_invalid_data(client: Client) -> None:
     """The drive finds a fault while it stands; its data is not valid any more when the capture ends."""
-    it = machine(client).control(OFF).run(0.3)
-    it.drive.fault = 7860
-    it.run(0.5)
+    it = machine(client).control(OFF).run(0.3).let(fault=7860).run(0.5)
     it.line.iops[INPUT] = BAD
     it.run(0.5)
 
 
-@BOOK.scene("DS525: the setpoint changes, and bit 6 blocks it", rules="DS512 DS525")
+@BOOK.scene("DS525: the setpoint changes, and bit 6 blocks it", "DS512 DS525")
 def setpoint_blocked(client: Client) -> None:
     """The setpoint changes while STW1 bit 6 blocks it."""
     it = machine(client).start(30).control(ON & ~0x40)
@@ -215,52 +193,44 @@ def setpoint_blocked(client: Client) -> None:
     it.control(ON).run(1)
 
 
-@BOOK.scene("Near DS525: the setpoint stands while it is blocked", rules="DS512")
+@BOOK.scene("Near DS525: the setpoint stands while it is blocked", "DS512")
 def setpoint_blocked_at_rest(client: Client) -> None:
     """The setpoint is blocked for a while, and does not change."""
     machine(client).start(30).control(ON & ~0x40).run(3).control(ON).run(1)
 
 
-@BOOK.scene("DS526: the motor is blocked", rules="DS512 DS526")
+@BOOK.scene("DS526: the motor is blocked", "DS512 DS526")
 def motor_blocked(client: Client) -> None:
     """The motor is blocked while it runs."""
-    it = machine(client).start(60)
-    it.drive.blocked = True
-    it.run(7)
-    it.drive.blocked = False
-    it.run(1)
+    machine(client).start(60).let(blocked=True).run(7).let(blocked=False).run(1)
 
 
-@BOOK.scene("Near DS526: a long ramp, with ZSW1 bit 8 = 1", rules="DS512")
+@BOOK.scene("Near DS526: a long ramp, with ZSW1 bit 8 = 1", "DS512")
 def long_ramp(client: Client) -> None:
     """A ramp of twenty seconds: the actual value is far from the setpoint, and the drive says that all is well."""
     it = machine(client, up_s=20.0, down_s=20.0).control(OFF).run(0.2).setpoint(10).control(ON)
     it.until(lambda drive: drive.actual >= 9.9).setpoint(60).run(8)
 
 
-@BOOK.scene("DS527: somebody takes control at the drive", rules="DS512 DS527")
+@BOOK.scene("DS527: somebody takes control at the drive", "DS512 DS527")
 def control_taken(client: Client) -> None:
     """Control is taken at the drive while the PLC has it."""
-    it = machine(client).start()
-    it.drive.local = True
-    it.run(1)
+    machine(client).start().let(local=True).run(1)
 
 
-@BOOK.scene("Near DS527: control is taken after the PLC gave it back", rules="DS512")
+@BOOK.scene("Near DS527: control is taken after the PLC gave it back", "DS512")
 def control_taken_after(client: Client) -> None:
     """Control is given back by the PLC, then taken at the drive."""
-    it = machine(client).control(OFF).run(0.3).control(0).run(0.3)
-    it.drive.local = True
-    it.run(1)
+    machine(client).control(OFF).run(0.3).control(0).run(0.3).let(local=True).run(1)
 
 
-@BOOK.scene("DS528: the control word becomes 0 while the drive runs", rules="DS512 DS528")
+@BOOK.scene("DS528: the control word becomes 0 while the drive runs", "DS512 DS528")
 def controller_stops(client: Client) -> None:
     """The controller sends a control word of 0 while the drive runs."""
     machine(client).start().control(0).run(1)
 
 
-@BOOK.scene("DS528: the data of the controller becomes invalid", rules="DS512 DS528")
+@BOOK.scene("DS528: the data of the controller becomes invalid", "DS512 DS528")
 def controller_invalid(client: Client) -> None:
     """The IOPS of the controller becomes bad while the drive runs."""
     it = machine(client).start()
@@ -270,33 +240,29 @@ def controller_invalid(client: Client) -> None:
     it.run(0.5)
 
 
-@BOOK.scene("Near DS528: the same at standstill", rules="DS512")
+@BOOK.scene("Near DS528: the same at standstill", "DS512")
 def controller_stops_at_standstill(client: Client) -> None:
     """The controller sends a control word of 0 while the drive stands."""
     machine(client).control(OFF).run(0.5).control(0).run(1)
 
 
-@BOOK.scene("DS529: OFF2 at the drive", rules="DS512 DS529")
+@BOOK.scene("DS529: OFF2 at the drive", "DS512 DS529")
 def off_at_the_drive(client: Client) -> None:
     """The pulses are switched off at a terminal of the drive."""
-    it = machine(client).start()
-    it.drive.off2 = True
-    it.run(1)
+    machine(client).start().let(off2=True).run(1)
 
 
-@BOOK.scene("Near DS529: OFF2 by the control word", rules="DS512")
+@BOOK.scene("Near DS529: OFF2 by the control word", "DS512")
 def off_by_the_controller(client: Client) -> None:
     """The program coasts the drive by OFF2."""
     machine(client).start().control(0x047C).run(1).control(OFF).run(0.3)
 
 
-@BOOK.scene("Everything that is no finding: jog, reverse, OFF3, an alarm", rules="DS512")
+@BOOK.scene("Everything that is no finding: jog, reverse, OFF3, an alarm", "DS512")
 def every_event(client: Client) -> None:
     """A drive jogs, turns the other way, has an alarm, stops quickly."""
-    it = machine(client).start(40).control(ON | 0x0800).run(2)
-    it.drive.alarm = True
-    it.run(0.3)
-    it.drive.alarm = False
+    it = machine(client).start(40).control(ON | 0x0800).run(2).let(alarm=True).run(0.3)
+    it.let(alarm=False)
     it.run(0.3).control(ON & ~0x0004).until(lambda drive: drive.state == "S1").control(OFF).run(0.3)
     it.control(0x057E).run(0.3).control(OFF).run(0.3)
 
@@ -304,35 +270,39 @@ def every_event(client: Client) -> None:
 # PKW
 
 
-@BOOK.scene("DS507: a double word is changed as a word", OK_READ, ERROR_CHANGE, rules="DS501 DS507")
+def _saved(client: Client, times: int) -> None:
+    it = machine(client).start()
+    for number in range(times):
+        it.change(1082, real(40 + number), ak=13)
+
+
+def _slow(client: Client, pnu: int, pause: int, cycles: int) -> None:
+    """The drive responds after so many cycles; so many stands the request."""
+    machine(client, pause=pause).start().read(pnu, cycles=cycles)
+
+
+@BOOK.scene("DS507: a double word is changed as a word", "read ok, change error, DS501 DS507")
 def word_on_double_word(client: Client) -> None:
     """A parameter that was read as a double word is changed as a word."""
     machine(client).start().read(1082).change(1082, b"\0\x28", ak=2)
 
 
-@BOOK.scene("Near DS507: a word is changed as a word", OK_READ, OK_CHANGE)
+@BOOK.scene("Near DS507: a word is changed as a word", "read ok, change ok")
 def word_on_word(client: Client) -> None:
     """A parameter that was read as a word is changed as a word."""
     machine(client).start().read(700).change(700, b"\0\2", ak=2)
 
 
-@BOOK.scene("DS508: twelve changes that save", *[OK_CHANGE] * 12, rules="DS508")
-def saved_often(client: Client) -> None:
-    """The program saves a parameter with each change."""
-    it = machine(client).start()
-    for number in range(12):
-        it.change(1082, real(40 + number), ak=13)
+BOOK.scenes(
+    _saved,
+    ("saved-often", "The program saves a parameter with each change", "DS508: twelve changes that save",
+     "12 change ok, DS508", 12),
+    ("saved-seldom", "The program saves a parameter ten times", "Near DS508: ten of them",
+     "10 change ok", 10),
+)  # fmt: skip
 
 
-@BOOK.scene("Near DS508: ten of them", *[OK_CHANGE] * 10)
-def saved_seldom(client: Client) -> None:
-    """The program saves a parameter ten times."""
-    it = machine(client).start()
-    for number in range(10):
-        it.change(1082, real(40 + number), ak=13)
-
-
-@BOOK.scene("DS509: 120 reads of one parameter", *[OK_READ] * 120, rules="DS509")
+@BOOK.scene("DS509: 120 reads of one parameter", "120 read ok, DS509")
 def same_read(client: Client) -> None:
     """The program reads one parameter again and again."""
     it = machine(client).start()
@@ -340,14 +310,14 @@ def same_read(client: Client) -> None:
         it.read(1082)
 
 
-@BOOK.scene("Near DS509: the request stands, and the drive repeats its response", OK_READ)
+@BOOK.scene("Near DS509: the request stands, and the drive repeats its response", "read ok")
 def held_read(client: Client) -> None:
     """The program holds its request instead, and the value moves."""
     it = machine(client).start()
     it.read(1082, cycles=200)
 
 
-@BOOK.scene("DS510: IND in the other order", ERROR_READ, ERROR_READ, rules="DS501 DS510")
+@BOOK.scene("DS510: IND in the other order", "2 read error, DS501 DS510")
 def other_layout(client: Client) -> None:
     """The program writes subindex and page in the other order."""
     it = machine(client).start()
@@ -355,46 +325,39 @@ def other_layout(client: Client) -> None:
         it.ask(request + bytes(4)).ask(IDLE, 5)
 
 
-@BOOK.scene("Near DS510: page 80 and subindex 1, as they should be", ("read", "ok"))
+@BOOK.scene("Near DS510: page 80 and subindex 1, as they should be", "read ok")
 def right_layout(client: Client) -> None:
     """The program writes them in the order of cyclic transfer."""
     machine(client).start().read(2010, 1, ak=6)
 
 
-@BOOK.scene("DS511: a response after 1.6 s", OK_READ, rules="DS511")
-def slow_response(client: Client) -> None:
-    """The drive takes its time."""
-    machine(client, pause=100).start().read(1082, cycles=110)
+BOOK.scenes(
+    _slow,
+    ("slow-response", "The drive takes its time", "DS511: a response after 1.6 s", "read ok, DS511",
+     1082, 100, 110),
+    ("less-slow-response", "The drive takes some time", "Near DS511: a response after 0.8 s", "read ok",
+     1082, 50, 60),
+    ("request-ignored", "A drive beside whose words something reads as a request, and that does not respond to it",
+     "DS514: what reads as a request stands for 40 cycles", "DS514", 700, 10_000, 40),
+    ("request-ignored-shortly", "The program takes it back sooner",
+     "Near DS514: it stands for 20 cycles", "", 700, 10_000, 20),
+)  # fmt: skip
 
 
-@BOOK.scene("Near DS511: a response after 0.8 s", OK_READ)
-def less_slow_response(client: Client) -> None:
-    """The drive takes some time."""
-    machine(client, pause=50).start().read(1082, cycles=60)
-
-
-@BOOK.scene("DS514: what reads as a request stands for 40 cycles", rules="DS514")
-def request_ignored(client: Client) -> None:
-    """A drive beside whose words something reads as a request, and that does not respond to it."""
-    machine(client, pause=10_000).start().read(700, cycles=40)
-
-
-@BOOK.scene("Near DS514: it stands for 20 cycles")
-def request_ignored_shortly(client: Client) -> None:
-    """The program takes it back sooner."""
-    machine(client, pause=10_000).start().read(700, cycles=20)
-
-
-@BOOK.scene("DS530: a change that is not accepted in operation, and is after OFF1",
-            ERROR_CHANGE, OK_CHANGE, rules="DS501 DS530")  # fmt: skip
+@BOOK.scene(
+    "DS530: a change that is not accepted in operation, and is after OFF1",
+    "change error, change ok, DS501 DS530",
+)
 def change_in_operation(client: Client) -> None:
     """A parameter cannot be changed in operation; after OFF1 it can."""
     it = machine(client).start().change(304, b"\0\x32", ak=2)
     it.control(OFF).until(lambda drive: drive.state == "S2").change(304, b"\0\x32", ak=2)
 
 
-@BOOK.scene("DS531: a change that is not accepted, and not because of operation",
-            ERROR_CHANGE, rules="DS501 DS531")  # fmt: skip
+@BOOK.scene(
+    "DS531: a change that is not accepted, and not because of operation",
+    "change error, DS501 DS531",
+)
 def change_at_standstill(client: Client) -> None:
     """A parameter cannot be changed, though the drive stands."""
     it = machine(client).control(OFF).run(0.3)
@@ -416,9 +379,8 @@ SAID = (
 
 
 @BOOK.scene(
-    "The telegrams of PKW and PZD that an application note prints",
-    OK_READ, OK_READ, OK_READ, OK_CHANGE, OK_READ,
-)  # fmt: skip
+    "The telegrams of PKW and PZD that an application note prints", "3 read ok, change ok, read ok"
+)
 def as_printed(client: Client) -> None:
     """Nine telegrams of PKW and six of PZD, one after the other."""
     line = Cyclic(client)

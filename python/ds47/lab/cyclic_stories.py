@@ -10,7 +10,7 @@ from ds47.lab.client import Client
 from ds47.lab.cyclic import Cyclic, LabModule
 from ds47.lab.drive import LabDrive
 from ds47.lab.machine import OFF, ON, Machine
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 
 BOOK = Book("cyclic")
 TELEGRAM_1 = LabModule(2, 2, 4)
@@ -25,8 +25,8 @@ def _machine(client: Client, drive: LabDrive, reduction: int) -> Machine[Cyclic]
 
 @BOOK.scene(
     "p50076 is not changed while the drive runs (0x6B), and is after OFF1",
-    ("change", "error"), OK_CHANGE, rules="DS410 DS530 DS719 DS721",
-)  # fmt: skip
+    "change error, change ok, DS410 DS530 DS719 DS721",
+)
 def changed_after_off1(client: Client) -> None:
     """A change that is accepted only at standstill."""
     it = _machine(client, LabDrive(up_s=4, down_s=4), 32).control(OFF)
@@ -43,8 +43,8 @@ def changed_after_off1(client: Client) -> None:
 
 @BOOK.scene(
     "p50304 is changed from 10 to 100 s: OFF1 takes 10 s before, and 99 s after",
-    OK_READ, OK_CHANGE, rules="DS721",
-)  # fmt: skip
+    "read ok, change ok, DS721",
+)
 def longer_ramp(client: Client) -> None:
     """The ramp-down time is changed, and the drive takes ten times as long to stop."""
     drive = LabDrive(up_s=5, down_s=10)
@@ -62,9 +62,8 @@ def longer_ramp(client: Client) -> None:
 
 
 @BOOK.scene(
-    "16#047F stands from the first frame on; 16#047E, 16#047F: it runs 1.2 s later",
-    rules="DS523",
-)  # fmt: skip
+    "16#047F stands from the first frame on; 16#047E, 16#047F: it runs 1.2 s later", "DS523"
+)
 def does_not_start(client: Client) -> None:
     """A drive that does not start, because ON is no edge."""
     drive = LabDrive(up_s=3, excite_s=1.2)

@@ -12,15 +12,10 @@ from uuid import UUID
 
 from ds47.lab import message
 from ds47.lab.client import BUSY, Client, controller
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 from ds47.lab.wire import RecordId
 
 BOOK = Book("diagnosis")
-
-UNANSWERED = ("read", "unanswered")
-INCOMPLETE = ("read", "incomplete")
-REFUSED = ("read", "refused")
-ORPHAN = ("read", "orphan")
 
 CYCLE = 10
 """Milliseconds of a cycle of the program: a block sees the end of another one in the next."""
@@ -76,8 +71,7 @@ def polls(client: Client, count: int, pause: float = CYCLE, at: RecordId | None 
 
 @BOOK.scene(
     "RDREC starts together with WRREC: its first Read overtakes the Write response",
-    OK_READ,
-    rules="DS702",
+    "read ok, DS702",
 )
 def read_too_early(client: Client) -> None:
     """Read and Write started in the same cycle."""
@@ -92,7 +86,7 @@ def read_too_early(client: Client) -> None:
 
 @BOOK.scene(
     "the same frames, but the first Read is sent after the Write response: an ordinary poll",
-    OK_READ,
+    "read ok",
 )
 def read_too_early_not(client: Client) -> None:
     """Read started with DONE of the Write, the drive not ready yet."""
@@ -103,7 +97,7 @@ def read_too_early_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "RDREC goes on after the response was read: three times DE80B500", OK_READ, rules="DS206 DS703"
+    "RDREC goes on after the response was read: three times DE80B500", "read ok, DS206 DS703"
 )
 def nothing_was_asked(client: Client) -> None:
     """Reads without a request."""
@@ -112,7 +106,7 @@ def nothing_was_asked(client: Client) -> None:
 
 
 @BOOK.scene(
-    "the same three DE80B500, but a request stands before them: the drive is busy", OK_READ, OK_READ
+    "the same three DE80B500, but a request stands before them: the drive is busy", "2 read ok"
 )
 def nothing_was_asked_not(client: Client) -> None:
     """Reads while the drive works on a request."""
@@ -135,32 +129,19 @@ def _faults(client: Client, status: int) -> None:
     client.read(answer)
 
 
-@BOOK.scene(
-    "the second Write fails, the Read brings the first response again: a fault long acknowledged still shows",
-    OK_READ,
-    REFUSED,
-    rules="DS203 DS415 DS704",
-)
-def old_answer(client: Client) -> None:
-    """An old response after a failed Write."""
-    _faults(client, DF_BUSY)
+BOOK.scenes(
+    _faults,
+    ("old-answer", "An old response after a failed Write",
+     "the second Write fails, the Read brings the first response again: a fault long acknowledged still shows",
+     "read ok, read refused, DS203 DS415 DS704", DF_BUSY),
+    ("old-answer-not", "The same value asked for twice",
+     "the same bytes, but the second Write is accepted: the fault is really still there",
+     "2 read ok, DS415", 0),
+)  # fmt: skip
 
 
 @BOOK.scene(
-    "the same bytes, but the second Write is accepted: the fault is really still there",
-    OK_READ,
-    OK_READ,
-    rules="DS415",
-)
-def old_answer_not(client: Client) -> None:
-    """The same value asked for twice."""
-    _faults(client, 0)
-
-
-@BOOK.scene(
-    "RDREC runs again without WRREC: the same response three times, 500 ms apart",
-    OK_READ,
-    rules="DS704",
+    "RDREC runs again without WRREC: the same response three times, 500 ms apart", "read ok, DS704"
 )
 def old_answer_unsent(client: Client) -> None:
     """One request, three Reads."""
@@ -172,10 +153,7 @@ def old_answer_unsent(client: Client) -> None:
 
 @BOOK.scene(
     "a change at slot 1 that nobody reads; at slot 2 a whole transaction, and one Read too many behind it",
-    ("change", "superseded"),
-    OK_READ,
-    OK_CHANGE,
-    rules="DS206 DS414 DS703",
+    "change superseded, read ok, change ok, DS206 DS414 DS703",
 )
 def nothing_was_asked_elsewhere(client: Client) -> None:
     """A Read without a request, while another submodule has one open."""
@@ -191,9 +169,7 @@ def nothing_was_asked_elsewhere(client: Client) -> None:
 
 @BOOK.scene(
     "block B writes its request before block A has read its response, which is lost",
-    ("read", "superseded"),
-    OK_READ,
-    rules="DS413 DS705",
+    "read superseded, read ok, DS413 DS705",
 )
 def two_users(client: Client) -> None:
     """Two blocks on one channel of one AR."""
@@ -203,9 +179,7 @@ def two_users(client: Client) -> None:
 
 @BOOK.scene(
     "the same question once more before its response was read: one user who does not wait",
-    ("read", "superseded"),
-    OK_READ,
-    rules="DS413",
+    "read superseded, read ok, DS413",
 )
 def two_users_again_not(client: Client) -> None:
     """One block that asks again."""
@@ -215,8 +189,7 @@ def two_users_again_not(client: Client) -> None:
 
 @BOOK.scene(
     "the same two requests one after the other: each response is read before the next request",
-    OK_READ,
-    OK_READ,
+    "2 read ok",
 )
 def two_users_not(client: Client) -> None:
     """Two blocks that take turns."""
@@ -245,10 +218,7 @@ def _turned_away(client: Client, second: Client) -> None:
 
 @BOOK.scene(
     "the second controller asks while the first one's request is open: DF80B500",
-    OK_READ,
-    OK_READ,
-    REFUSED,
-    rules="DS203 DS705",
+    "2 read ok, read refused, DS203 DS705",
 )
 def two_users_across(client: Client) -> None:
     """Two controllers on one channel."""
@@ -256,7 +226,7 @@ def two_users_across(client: Client) -> None:
 
 
 @BOOK.scene(
-    "the same two controllers, the second one asks when the first has its response", *[OK_READ] * 3
+    "the same two controllers, the second one asks when the first has its response", "3 read ok"
 )
 def two_users_across_not(client: Client) -> None:
     """Two controllers that take turns."""
@@ -268,10 +238,7 @@ def two_users_across_not(client: Client) -> None:
 
 @BOOK.scene(
     "one controller with two ARs, such as the program and a diagnostic block: DF80B500",
-    OK_READ,
-    OK_READ,
-    REFUSED,
-    rules="DS203 DS705",
+    "2 read ok, read refused, DS203 DS705",
 )
 def two_users_connections(client: Client) -> None:
     """Two connections of one controller on one channel."""
@@ -287,10 +254,7 @@ def two_users_connections(client: Client) -> None:
 
 @BOOK.scene(
     "DF80B500 and nobody else to be seen: the other user is not in the capture",
-    OK_READ,
-    REFUSED,
-    OK_READ,
-    rules="DS203 DS705",
+    "read ok, read refused, read ok, DS203 DS705",
 )
 def two_users_unknown(client: Client) -> None:
     """A channel that somebody else uses."""
@@ -302,10 +266,7 @@ def two_users_unknown(client: Client) -> None:
 
 @BOOK.scene(
     "the same, refused with DF80C200: the drive is short of resources and says nothing of another user",
-    OK_READ,
-    REFUSED,
-    OK_READ,
-    rules="DS203",
+    "read ok, read refused, read ok, DS203",
 )
 def two_users_unknown_not(client: Client) -> None:
     """A Write refused for another reason."""

@@ -7,28 +7,23 @@ from __future__ import annotations
 
 from ds47.lab import message
 from ds47.lab.client import Client
-from ds47.lab.diagnoses import CYCLE, FIXED, REFUSED, read, speed
+from ds47.lab.diagnoses import CYCLE, FIXED, read, speed
 from ds47.lab.diagnoses_refused import (
-    CHANGE_ERROR,
-    CHANGE_REFUSED,
     DATA_TYPE,
     DE_LENGTH,
     LIMITS,
     NEGATIVE_READ,
-    READ_ERROR,
-    READ_PARTIAL,
     TOO_LONG,
     UNKNOWN,
-    RefusedScenario,
     RequestAndReply,
     bounced,
     change,
     dword,
-    enter,
     failed,
+    play_all,
     taken,
 )
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 
 BOOK = Book("diagnosis")
 
@@ -69,100 +64,43 @@ FIRST = RequestAndReply(read(3), speed(3))
 ARRAY = read(4, message.address(2902, 2, 4))
 ARRAY_READ = RequestAndReply(ARRAY, message.answer(4, 1, 1, message.real(10.0, 20.0, 50.0, 100.0)))
 
-REPAIR_ROWS = (
-    RefusedScenario(
-        "value-in-wrong-type",
-        "A REAL under an integer format",
-        "P2900 gets the bits of 10.0 as Unsigned32 1092616192: error 0x05",
-        [failed(change(1, FIXED, dword(TEN)), DATA_TYPE)],
-        [CHANGE_ERROR],
-        "DS410 DS714",
-    ),
-    RefusedScenario(
-        "value-in-wrong-type-not",
-        "A REAL under its own format",
-        "the same bits as Float32: the drive takes them",
-        [taken(change(1, FIXED, message.real(10.0)))],
-        [OK_CHANGE],
-    ),
-    RefusedScenario(
-        "value-in-wrong-type-integer",
-        "A whole number under a floating-point format",
-        "p0922 gets DINT 1 with format 08, which is 1.4e-45: error 0x05",
-        [failed(change(1, message.address(922), dword(1, message.FLOAT32)), DATA_TYPE)],
-        [CHANGE_ERROR],
-        "DS410 DS714",
-    ),
-    RefusedScenario(
-        "value-in-wrong-type-taken",
-        "A whole number under a floating-point format, and the drive takes it",
-        "P2900 := 10 as DINT with format 08: the drive sets 1.4e-44 %, which is nothing",
-        [taken(change(1, FIXED, dword(10, message.FLOAT32)))],
-        [OK_CHANGE],
-        "DS714",
-    ),
-    RefusedScenario(
-        "bytes-swapped",
-        "A request with the low byte of each word first",
-        "reference 4 arrives as request ID 4: the Write is refused",
-        [FIRST, bounced(swapped(ARRAY))],
-        [OK_READ, ("unknown", "refused")],
-        "DS203 DS302 DS305 DS715",
-    ),
-    RefusedScenario(
-        "bytes-swapped-not",
-        "The same request with the high byte first",
-        "the same request, high byte first: the drive answers",
-        [FIRST, ARRAY_READ],
-        [OK_READ, OK_READ],
-    ),
-    RefusedScenario(
-        "bytes-swapped-fields",
-        "An address with the low byte first",
-        "P2900 arrives as 21515, which the drive does not have: error 0x00",
-        [failed(read(1, little(2900)), UNKNOWN)],
-        [READ_ERROR],
-        "DS410 DS715",
-    ),
-    RefusedScenario(
-        "bytes-swapped-fields-not",
-        "A parameter whose number looks swapped",
-        "parameter 21515, and the drive has it",
-        [RequestAndReply(read(1, little(2900)), speed(1, 10.0))],
-        [OK_READ],
-    ),
-    RefusedScenario(
-        "bytes-swapped-values",
-        "A value with the low byte first",
-        "10.0 arrives as 1.1e-41: error 0x02",
-        [failed(change(1, FIXED, message.raw_block(8, 1, TEN.to_bytes(4, "little"))), LIMITS)],
-        [CHANGE_ERROR],
-        "DS410 DS715",
-    ),
-    RefusedScenario(
-        "data-block-layout",
-        "Every byte in a word of its own",
-        "an array of WORD instead of BYTE: zeros between the bytes, the Write is refused",
-        [FIRST, bounced(interleaved(ARRAY))],
-        [OK_READ, ("unknown", "refused")],
-        "DS203 DS301 DS302 DS305 DS313 DS716",
-    ),
-    RefusedScenario(
-        "data-block-layout-not",
-        "The same request without the zeros",
-        "the same request from an array of BYTE: the drive answers",
-        [FIRST, ARRAY_READ],
-        [OK_READ, OK_READ],
-    ),
-    RefusedScenario(
-        "data-block-layout-even",
-        "Fields of one byte at even offsets",
-        "an optimised data block: a fill byte behind each single byte, the Write is refused",
-        [FIRST, bounced(spread(ARRAY))],
-        [OK_READ, ("unknown", "refused")],
-        "DS203 DS302 DS303 DS313 DS716",
-    ),
-)
+BOOK.scenes(
+    play_all,
+    ("value-in-wrong-type", "A REAL under an integer format",
+     "P2900 gets the bits of 10.0 as Unsigned32 1092616192: error 0x05", "change error, DS410 DS714",
+     failed(change(1, FIXED, dword(TEN)), DATA_TYPE)),
+    ("value-in-wrong-type-not", "A REAL under its own format",
+     "the same bits as Float32: the drive takes them", "2 change ok",
+     taken(change(1, FIXED, message.real(10.0)))),
+    ("value-in-wrong-type-integer", "A whole number under a floating-point format",
+     "p0922 gets DINT 1 with format 08, which is 1.4e-45: error 0x05", "change error, DS410 DS714",
+     failed(change(1, message.address(922), dword(1, message.FLOAT32)), DATA_TYPE)),
+    ("value-in-wrong-type-taken", "A whole number under a floating-point format, and the drive takes it",
+     "P2900 := 10 as DINT with format 08: the drive sets 1.4e-44 %, which is nothing", "2 change ok, DS714",
+     taken(change(1, FIXED, dword(10, message.FLOAT32)))),
+    ("bytes-swapped", "A request with the low byte of each word first",
+     "reference 4 arrives as request ID 4: the Write is refused",
+     "read ok, unknown refused, DS203 DS302 DS305 DS715", FIRST, bounced(swapped(ARRAY))),
+    ("bytes-swapped-not", "The same request with the high byte first",
+     "the same request, high byte first: the drive answers", "2 read ok", FIRST, ARRAY_READ),
+    ("bytes-swapped-fields", "An address with the low byte first",
+     "P2900 arrives as 21515, which the drive does not have: error 0x00", "read error, DS410 DS715",
+     failed(read(1, little(2900)), UNKNOWN)),
+    ("bytes-swapped-fields-not", "A parameter whose number looks swapped",
+     "parameter 21515, and the drive has it", "read ok",
+     RequestAndReply(read(1, little(2900)), speed(1, 10.0))),
+    ("bytes-swapped-values", "A value with the low byte first", "10.0 arrives as 1.1e-41: error 0x02",
+     "change error, DS410 DS715",
+     failed(change(1, FIXED, message.raw_block(8, 1, TEN.to_bytes(4, "little"))), LIMITS)),
+    ("data-block-layout", "Every byte in a word of its own",
+     "an array of WORD instead of BYTE: zeros between the bytes, the Write is refused",
+     "read ok, unknown refused, DS203 DS301 DS302 DS305 DS313 DS716", FIRST, bounced(interleaved(ARRAY))),
+    ("data-block-layout-not", "The same request without the zeros",
+     "the same request from an array of BYTE: the drive answers", "2 read ok", FIRST, ARRAY_READ),
+    ("data-block-layout-even", "Fields of one byte at even offsets",
+     "an optimised data block: a fill byte behind each single byte, the Write is refused",
+     "read ok, unknown refused, DS203 DS302 DS303 DS313 DS716", FIRST, bounced(spread(ARRAY))),
+)  # fmt: skip
 
 # Lengths of the request and of the response (DS711, DS713)
 
@@ -183,72 +121,32 @@ def arrays(answered: int, limit: int = 0, reference: int = 1) -> list[RequestAnd
     return [known, many] if limit else [many]
 
 
-LENGTH_ROWS = (
-    RefusedScenario(
-        "request-length",
-        "LEN smaller than the request",
-        "LEN 12 for a change of 16 bytes: the value is missing, the Write is refused",
-        [FIRST, bounced(WHOLE_CHANGE[:12])],
-        [OK_READ, CHANGE_REFUSED],
-        "DS203 DS315 DS711",
-    ),
-    RefusedScenario(
-        "request-length-not",
-        "LEN greater than the request",
-        "LEN 20 for a change of 16 bytes: four zeros behind it, the drive does not mind",
-        [FIRST, taken(WHOLE_CHANGE + bytes(4))],
-        [OK_READ, OK_CHANGE],
-        "DS314",
-    ),
-    RefusedScenario(
-        "response-too-long",
-        "More values than one response can carry",
-        "8 arrays of 34 bytes each asked for: the drive answers the 6 that fit into 240 bytes",
-        arrays(6),
-        [READ_PARTIAL],
-        "DS407 DS713",
-    ),
-    RefusedScenario(
-        "response-too-long-not",
-        "Fewer parameters answered, though there was room",
-        "the same request, 5 answered: the sixth would have fitted, so this has another reason",
-        arrays(5),
-        [READ_PARTIAL],
-        "DS407",
-    ),
-    RefusedScenario(
-        "response-too-long-refused",
-        "More values than one response can carry: refused with a number",
-        "the same request, the last two refused with 0x15",
-        [
-            RequestAndReply(
-                read(1, *ARRAYS),
-                message.answer(1, NEGATIVE_READ, 1, *[VALUES] * 6, *[message.error(TOO_LONG)] * 2),
-            )
-        ],
-        [READ_PARTIAL],
-        "DS410 DS713",
-    ),
-    RefusedScenario(
-        "response-too-long-limit",
-        "A drive whose messages are shorter than usual",
-        "r0974 says 139 bytes: three of eight arrays are answered, a fourth would make 140",
-        arrays(3, limit=139),
-        [OK_READ, READ_PARTIAL],
-        "DS407 DS713",
-    ),
-    RefusedScenario(
-        "response-too-long-limit-not",
-        "A drive whose messages may be longer than usual",
-        "r0974 says 242 bytes: six of eight arrays are answered, a seventh would make 242",
-        arrays(6, limit=242),
-        [OK_READ, READ_PARTIAL],
-        "DS407",
-    ),
-)
-
-for _row in (*REPAIR_ROWS, *LENGTH_ROWS):
-    enter(BOOK, _row)
+BOOK.scenes(
+    play_all,
+    ("request-length", "LEN smaller than the request",
+     "LEN 12 for a change of 16 bytes: the value is missing, the Write is refused",
+     "read ok, change refused, DS203 DS315 DS711", FIRST, bounced(WHOLE_CHANGE[:12])),
+    ("request-length-not", "LEN greater than the request",
+     "LEN 20 for a change of 16 bytes: four zeros behind it, the drive does not mind",
+     "read ok, 2 change ok, DS314", FIRST, taken(WHOLE_CHANGE + bytes(4))),
+    ("response-too-long", "More values than one response can carry",
+     "8 arrays of 34 bytes each asked for: the drive answers the 6 that fit into 240 bytes",
+     "read partial, DS407 DS713", *arrays(6)),
+    ("response-too-long-not", "Fewer parameters answered, though there was room",
+     "the same request, 5 answered: the sixth would have fitted, so this has another reason",
+     "read partial, DS407", *arrays(5)),
+    ("response-too-long-refused", "More values than one response can carry: refused with a number",
+     "the same request, the last two refused with 0x15", "read partial, DS410 DS713",
+     RequestAndReply(
+         read(1, *ARRAYS),
+         message.answer(1, NEGATIVE_READ, 1, *[VALUES] * 6, *[message.error(TOO_LONG)] * 2))),
+    ("response-too-long-limit", "A drive whose messages are shorter than usual",
+     "r0974 says 139 bytes: three of eight arrays are answered, a fourth would make 140",
+     "read ok, read partial, DS407 DS713", *arrays(3, limit=139)),
+    ("response-too-long-limit-not", "A drive whose messages may be longer than usual",
+     "r0974 says 242 bytes: six of eight arrays are answered, a seventh would make 242",
+     "read ok, read partial, DS407", *arrays(6, limit=242)),
+)  # fmt: skip
 
 
 # MLEN of RDREC (DS712)
@@ -267,24 +165,19 @@ def _fetch_four(client: Client, maximum: int) -> None:
     client.accept_read(call, whole[:maximum])
 
 
-@BOOK.scene(
-    "MLEN 10 for a response of 22 bytes: the drive sends 10", ("read", "error"), rules="DS315 DS712"
-)
-def read_length(client: Client) -> None:
-    """MLEN smaller than the response."""
-    _four(client, 10)
-
-
-@BOOK.scene("MLEN 22, the response to the byte", OK_READ)
-def read_length_not(client: Client) -> None:
-    """MLEN as long as the response."""
-    _four(client, 22)
+BOOK.scenes(
+    _four,
+    ("read-length", "MLEN smaller than the response",
+     "MLEN 10 for a response of 22 bytes: the drive sends 10", "read error, DS315 DS712", 10),
+    ("read-length-not", "MLEN as long as the response", "MLEN 22, the response to the byte", "read ok",
+     22),
+)  # fmt: skip
 
 
 @BOOK.scene(
     "MLEN 10 for a response of 22 bytes: the drive refuses the Read, one with 240 brings the response",
-    OK_READ, rules="DS201 DS712",
-)  # fmt: skip
+    "read ok, DS201 DS712",
+)
 def read_length_refused(client: Client) -> None:
     """MLEN smaller than the response: refused."""
     client.write(read(1, message.address(2902, 2, 4)))
@@ -295,7 +188,7 @@ def read_length_refused(client: Client) -> None:
 
 
 @BOOK.scene(
-    "MLEN 22, and the drive refuses the Read: the request asks for no more", REFUSED, rules="DS201"
+    "MLEN 22, and the drive refuses the Read: the request asks for no more", "read refused, DS201"
 )
 def read_length_alone_not(client: Client) -> None:
     """A Read that was too short, as far as its status says."""
@@ -304,9 +197,7 @@ def read_length_alone_not(client: Client) -> None:
     client.refuse_read(client.ask_read(maximum=22), DE_LENGTH)
 
 
-@BOOK.scene(
-    "MLEN 22, and the same status all the same: it has another reason", OK_READ, rules="DS201"
-)
+@BOOK.scene("MLEN 22, and the same status all the same: it has another reason", "read ok, DS201")
 def read_length_refused_not(client: Client) -> None:
     """A Read refused for another reason."""
     client.write(read(1, message.address(2902, 2, 4)))

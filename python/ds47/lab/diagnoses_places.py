@@ -15,15 +15,12 @@ from ds47.lab.diagnoses import (
     GLOBAL,
     LOCAL,
     LONG,
-    ORPHAN,
-    REFUSED,
-    UNANSWERED,
     ask,
     polls,
     read,
     speed,
 )
-from ds47.lab.scenario import OK_READ, Book
+from ds47.lab.scenario import Book
 
 BOOK = Book("diagnosis")
 
@@ -32,8 +29,7 @@ BOOK = Book("diagnosis")
 
 @BOOK.scene(
     "WRREC has the hardware identifier of slot 1.1, RDREC that of 1.2: the drive has nothing there",
-    UNANSWERED,
-    rules="DS206 DS401 DS706",
+    "read unanswered, DS206 DS401 DS706",
 )
 def request_here_read_there(client: Client) -> None:
     """Two hardware identifiers: the Read is refused."""
@@ -45,7 +41,7 @@ def request_here_read_there(client: Client) -> None:
     polls(client, 1, at=client.at(subslot=2))
 
 
-@BOOK.scene("the same polls at the submodule that was asked, and the response at last", OK_READ)
+@BOOK.scene("the same polls at the submodule that was asked, and the response at last", "read ok")
 def request_here_read_there_not(client: Client) -> None:
     """One hardware identifier for both blocks."""
     client.write(read(1))
@@ -56,10 +52,7 @@ def request_here_read_there_not(client: Client) -> None:
 
 @BOOK.scene(
     "asked at slot 1.1, answered at 1.2: a drive with one channel for all its submodules",
-    UNANSWERED,
-    ORPHAN,
-    OK_READ,
-    rules="DS401 DS403 DS706",
+    "read unanswered, read orphan, read ok, DS401 DS403 DS706",
 )
 def request_here_read_there_answered(client: Client) -> None:
     """Two hardware identifiers: the Read is answered."""
@@ -73,7 +66,7 @@ def request_here_read_there_answered(client: Client) -> None:
 # 16#47 is not 47 (DS707)
 
 
-@BOOK.scene("INDEX := 16#47: the drive has no record 71 and says so", rules="DS707")
+@BOOK.scene("INDEX := 16#47: the drive has no record 71 and says so", "DS707")
 def wrong_record_index(client: Client) -> None:
     """A request on record 71."""
     for reference in (1, 2):
@@ -90,7 +83,7 @@ def wrong_record_index_not(client: Client) -> None:
         client.wait(500)
 
 
-@BOOK.scene("a digit off: 16#B02D instead of 16#B02E, refused", OK_READ, rules="DS707")
+@BOOK.scene("a digit off: 16#B02D instead of 16#B02E, refused", "read ok, DS707")
 def wrong_record_index_other(client: Client) -> None:
     """A request on record 0xB02D, then on 0xB02E."""
     client.write(read(1), status=DF_INDEX, at=client.at(index=LOCAL - 1))
@@ -99,7 +92,8 @@ def wrong_record_index_other(client: Client) -> None:
 
 
 @BOOK.scene(
-    "record 0xB02D is accepted: the device has one of that number, whatever it means there", OK_READ
+    "record 0xB02D is accepted: the device has one of that number, whatever it means there",
+    "read ok",
 )
 def wrong_record_index_other_not(client: Client) -> None:
     """A record of the maker that looks like a request."""
@@ -113,9 +107,7 @@ def wrong_record_index_other_not(client: Client) -> None:
 
 @BOOK.scene(
     "slot 5 is refused with DF80B200, slot 1 of the same drive answers",
-    REFUSED,
-    OK_READ,
-    rules="DS203 DS708",
+    "read refused, read ok, DS203 DS708",
 )
 def wrong_slot(client: Client) -> None:
     """The hardware identifier of a slot that is not there."""
@@ -126,9 +118,7 @@ def wrong_slot(client: Client) -> None:
 
 @BOOK.scene(
     "slot 5 is refused, and no other was asked: the capture does not know a better one",
-    REFUSED,
-    REFUSED,
-    rules="DS203",
+    "2 read refused, DS203",
 )
 def wrong_slot_not(client: Client) -> None:
     """A slot that is not there, and no other."""
@@ -139,9 +129,7 @@ def wrong_slot_not(client: Client) -> None:
 
 @BOOK.scene(
     "the diagnostic address of slot 0: DF80B600; slot 1 of the same drive answers",
-    REFUSED,
-    OK_READ,
-    rules="DS203 DS708",
+    "read refused, read ok, DS203 DS708",
 )
 def wrong_slot_denied(client: Client) -> None:
     """The station's own submodule instead of the drive's."""
@@ -152,9 +140,7 @@ def wrong_slot_denied(client: Client) -> None:
 
 @BOOK.scene(
     "slot 5 of one drive is refused, slot 1 of another one answers: that says nothing of the first",
-    REFUSED,
-    OK_READ,
-    rules="DS203",
+    "read refused, read ok, DS203",
 )
 def wrong_slot_other_drive_not(client: Client) -> None:
     """A slot that is not there, and another drive that answers."""
@@ -178,27 +164,20 @@ def _two_axes(client: Client, index: int) -> None:
         client.wait(CYCLE)
 
 
-@BOOK.scene(
-    "axes 1 and 2 asked through 0xB02E of slot 2: both times the same drive object answers",
-    OK_READ,
-    OK_READ,
-    rules="DS710",
-)
-def axis_byte_ignored(client: Client) -> None:
-    """Two axis numbers on the local access point."""
-    _two_axes(client, LOCAL)
-
-
-@BOOK.scene("the same through 0xB02F, where the axis byte counts", OK_READ, OK_READ)
-def axis_byte_ignored_not(client: Client) -> None:
-    """Two axis numbers on the global access point."""
-    _two_axes(client, GLOBAL)
+BOOK.scenes(
+    _two_axes,
+    ("axis-byte-ignored", "Two axis numbers on the local access point",
+     "axes 1 and 2 asked through 0xB02E of slot 2: both times the same drive object answers",
+     "2 read ok, DS710", LOCAL),
+    ("axis-byte-ignored-not", "Two axis numbers on the global access point",
+     "the same through 0xB02F, where the axis byte counts", "2 read ok", GLOBAL),
+)  # fmt: skip
 
 
 # The connection ends inside a job (DS722)
 
 
-@BOOK.scene("the controller releases the AR while the drive works", UNANSWERED, rules="DS401 DS722")
+@BOOK.scene("the controller releases the AR while the drive works", "read unanswered, DS401 DS722")
 def connection_lost(client: Client) -> None:
     """Release inside a job."""
     client.connect("plc-1")
@@ -207,7 +186,7 @@ def connection_lost(client: Client) -> None:
     client.release()
 
 
-@BOOK.scene("the response is read, then the AR is released", OK_READ)
+@BOOK.scene("the response is read, then the AR is released", "read ok")
 def connection_lost_not(client: Client) -> None:
     """Release after the job."""
     client.connect("plc-1")
@@ -219,8 +198,7 @@ def connection_lost_not(client: Client) -> None:
 
 @BOOK.scene(
     "a change whose response nobody reads (WRREC only), and a minute later the AR is released",
-    ("change", "unanswered"),
-    rules="DS402",
+    "change unanswered, DS402",
 )
 def connection_lost_unread_not(client: Client) -> None:
     """Release long after a change."""
@@ -230,7 +208,7 @@ def connection_lost_unread_not(client: Client) -> None:
     client.release()
 
 
-def _restart(client: Client, *, read_before: bool) -> None:
+def _restart(client: Client, read_before: bool) -> None:
     """The drive restarts; the controller sets up a new AR, under another UUID, and asks again."""
     client.connect("plc-1")
     client.write(read(1))
@@ -242,18 +220,11 @@ def _restart(client: Client, *, read_before: bool) -> None:
     ask(client, 2)
 
 
-@BOOK.scene(
-    "no Release: a new Connect 3 s after the request, the drive was restarted",
-    UNANSWERED,
-    OK_READ,
-    rules="DS401 DS722",
-)
-def connection_lost_restart(client: Client) -> None:
-    """A new Connect inside a job."""
-    _restart(client, read_before=False)
-
-
-@BOOK.scene("the same restart, but the response was read before", OK_READ, OK_READ)
-def connection_lost_restart_not(client: Client) -> None:
-    """A new Connect between two jobs."""
-    _restart(client, read_before=True)
+BOOK.scenes(
+    _restart,
+    ("connection-lost-restart", "A new Connect inside a job",
+     "no Release: a new Connect 3 s after the request, the drive was restarted",
+     "read unanswered, read ok, DS401 DS722", False),
+    ("connection-lost-restart-not", "A new Connect between two jobs",
+     "the same restart, but the response was read before", "2 read ok", True),
+)  # fmt: skip

@@ -6,19 +6,15 @@ that the drive takes is followed by p0977 = 1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.diagnoses import CYCLE, DF_HEADER, read, save, speed
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 
 BOOK = Book("diagnosis")
 
-READ_ERROR, CHANGE_ERROR = ("read", "error"), ("change", "error")
-READ_PARTIAL = ("read", "partial")
-CHANGE_REFUSED = ("change", "refused")
 NEGATIVE_READ = 0x81
 
 # Error numbers (docs/protocol.md B)
@@ -70,30 +66,12 @@ def bounced(request: bytes) -> RequestAndReply:
     return RequestAndReply(request, status=DF_HEADER)
 
 
-@dataclass(frozen=True, slots=True)
-class RefusedScenario:
-    """One scenario of a table."""
-
-    name: str
-    title: str
-    shows: str
-    exchanges: Sequence[RequestAndReply]
-    transactions: Sequence[tuple[str, str]]
-    rules: str = ""
-
-
-def enter(book: Book, row: RefusedScenario) -> None:
-    """Enter the scenario of a row."""
-
-    def build(client: Client) -> None:
-        for exchange in row.exchanges:
-            exchange.play(client)
-        if OK_CHANGE in row.transactions:
-            save(client, row.exchanges[-1].request[0] + 1)
-
-    saved = [OK_CHANGE] if OK_CHANGE in row.transactions else []
-    transactions = [*row.transactions, *saved]
-    book.add(row.name, row.title, row.shows, build, transactions, row.rules)
+def play_all(client: Client, *exchanges: RequestAndReply) -> None:
+    """One after the other; changes that were taken are saved."""
+    for each in exchanges:
+        each.play(client)
+    if any(each.response == each.request[:4] for each in exchanges):
+        save(client, exchanges[-1].request[0] + 1)
 
 
 def change(reference: int, where: bytes, block: bytes) -> bytes:
@@ -106,159 +84,63 @@ def dword(value: int, format_code: int = UNSIGNED32) -> bytes:
     return message.block(format_code, "I", value)
 
 
-REFUSED_ROWS = (
-    RefusedScenario(
-        "refusal-not-seen",
-        "A refusal inside a record that was carried well",
-        "r2902 cannot be changed; WRREC and RDREC both end with DONE and STATUS 0",
-        [failed(change(1, CONSTANTS, message.real(10.0)), READ_ONLY, 2)],
-        [CHANGE_ERROR],
-        "DS410 DS701",
-    ),
-    RefusedScenario(
-        "refusal-not-seen-state",
-        "A read that the operating state forbids",
-        "r0722 is read: error 0x11; nothing was to be changed",
-        [failed(read(1, message.address(722)), RUNNING)],
-        [READ_ERROR],
-        "DS410 DS701",
-    ),
-    RefusedScenario(
-        "refusal-not-seen-not",
-        "A refusal of the whole record",
-        "the same change, refused at the Write: WRREC ends with ERROR, the program cannot miss it",
-        [bounced(change(1, CONSTANTS, message.real(10.0)))],
-        [CHANGE_REFUSED],
-        "DS203",
-    ),
-    RefusedScenario(
-        "wrong-drive-object",
-        "A drive object that the drive does not have",
-        "a G120 asked for DO 1, then for DO 2",
-        [RequestAndReply(read(1), speed(1)), failed(read(2, axis=2), NO_AXIS)],
-        [OK_READ, READ_ERROR],
-        "DS410 DS709",
-    ),
-    RefusedScenario(
-        "wrong-drive-object-not",
-        "Two drive objects, both there",
-        "an S120 asked for DO 1, then for DO 2: both answer",
-        [RequestAndReply(read(1), speed(1)), RequestAndReply(read(2, axis=2), speed(2, axis=2))],
-        [OK_READ, OK_READ],
-    ),
-    RefusedScenario(
-        "index-and-count",
-        "A subindex on a parameter that is no array",
-        "P2900 with subindex 1: error 0x04",
-        [failed(read(1, message.address(2900, 1, 1)), NO_ARRAY)],
-        [READ_ERROR],
-        "DS410 DS717",
-    ),
-    RefusedScenario(
-        "index-and-count-not",
-        "A subindex on a parameter that is an array",
-        "r2902 with subindex 1: the drive answers",
-        [RequestAndReply(read(1, message.address(2902, 1, 1)), speed(1, 0.0))],
-        [OK_READ],
-    ),
-    RefusedScenario(
-        "index-and-count-subindex",
-        "An array asked for past its end",
-        "r2902 has 16 elements; 4 from subindex 14 on are asked for: error 0x03",
-        [failed(read(1, message.address(2902, 14, 4)), NO_SUBINDEX, 16)],
-        [READ_ERROR],
-        "DS410 DS717",
-    ),
-    RefusedScenario(
-        "index-and-count-address",
-        "Subindex and number of elements the wrong way round",
-        "P2900 with 2 elements: error 0x16",
-        [failed(read(1, message.address(2900, 0, 2)), ADDRESS)],
-        [READ_ERROR],
-        "DS410 DS717",
-    ),
-    RefusedScenario(
-        "index-and-count-values",
-        "One value for two elements",
-        "a change of two elements of p1021 that brings one value: error 0x18",
-        [failed(change(1, message.address(1021, 0, 2), message.real(5.0)), COUNT)],
-        [CHANGE_ERROR],
-        "DS310 DS410 DS717",
-    ),
-    RefusedScenario(
-        "commissioning-state",
-        "A motor parameter outside of quick commissioning",
-        "p0304 := 400 with p0010 = 0: error 0x70",
-        [failed(change(1, MOTOR_VOLTAGE, message.word(400)), QUICK_COMMISSIONING)],
-        [CHANGE_ERROR],
-        "DS410 DS718",
-    ),
-    RefusedScenario(
-        "commissioning-state-not",
-        "A motor parameter in quick commissioning",
-        "the same change between p0010 := 1 and p0010 := 0",
-        [
-            taken(change(1, FILTER, message.word(1))),
-            taken(change(2, MOTOR_VOLTAGE, message.word(400))),
-            taken(change(3, FILTER, message.word(0))),
-        ],
-        [OK_CHANGE] * 3,
-    ),
-    RefusedScenario(
-        "drive-running",
-        "A parameter that is locked while the drive runs",
-        "P1082 := 40 with the enable on: error 0x6B (Siemens)",
-        [failed(change(1, MAXIMUM_SPEED, message.real(40.0)), ENABLED)],
-        [CHANGE_ERROR],
-        "DS410 DS719",
-    ),
-    RefusedScenario(
-        "drive-running-not",
-        "The same parameter at standstill",
-        "P1082 := 40 with the enable off: the drive takes it",
-        [taken(change(1, MAXIMUM_SPEED, message.real(40.0)))],
-        [OK_CHANGE],
-    ),
-    RefusedScenario(
-        "drive-running-state",
-        "A request that the operating state forbids",
-        "p0972 := 1 (reset) while the drive runs: error 0x11 of the profile",
-        [failed(change(1, message.address(972), message.word(1)), RUNNING)],
-        [CHANGE_ERROR],
-        "DS410 DS719",
-    ),
-    RefusedScenario(
-        "connector-as-number",
-        "A setpoint written into the connector of the setpoint",
-        "p1070 := 50.0 as Float32: error 0x05",
-        [failed(change(1, SETPOINT, message.real(50.0)), DATA_TYPE)],
-        [CHANGE_ERROR],
-        "DS410 DS720",
-    ),
-    RefusedScenario(
-        "connector-as-number-not",
-        "A connector written as such",
-        "p1070 := 16#08020000, which is r2050[0] of DO 0: the drive takes it",
-        [taken(change(1, SETPOINT, dword(2050 << 16)))],
-        [OK_CHANGE],
-    ),
-    RefusedScenario(
-        "connector-as-number-word",
-        "A connector written with 16 bits",
-        "p0840 := 1 as Unsigned16: error 0x17",
-        [failed(change(1, message.address(840), message.word(1)), FORMAT)],
-        [CHANGE_ERROR],
-        "DS410 DS720",
-    ),
-    RefusedScenario(
-        "connector-as-number-link",
-        "A connector that cannot be wired to this source",
-        "p1070 := r0052, a word where a floating-point number is needed: error 0x83",
-        [failed(change(1, SETPOINT, dword(52 << 16)), NO_LINK)],
-        [CHANGE_ERROR],
-        "DS410 DS720",
-    ),
-)
-
-for _row in REFUSED_ROWS:
-    enter(BOOK, _row)
+BOOK.scenes(
+    play_all,
+    ("refusal-not-seen", "A refusal inside a record that was carried well",
+     "r2902 cannot be changed; WRREC and RDREC both end with DONE and STATUS 0",
+     "change error, DS410 DS701", failed(change(1, CONSTANTS, message.real(10.0)), READ_ONLY, 2)),
+    ("refusal-not-seen-state", "A read that the operating state forbids",
+     "r0722 is read: error 0x11; nothing was to be changed", "read error, DS410 DS701",
+     failed(read(1, message.address(722)), RUNNING)),
+    ("refusal-not-seen-not", "A refusal of the whole record",
+     "the same change, refused at the Write: WRREC ends with ERROR, the program cannot miss it",
+     "change refused, DS203", bounced(change(1, CONSTANTS, message.real(10.0)))),
+    ("wrong-drive-object", "A drive object that the drive does not have",
+     "a G120 asked for DO 1, then for DO 2", "read ok, read error, DS410 DS709",
+     RequestAndReply(read(1), speed(1)), failed(read(2, axis=2), NO_AXIS)),
+    ("wrong-drive-object-not", "Two drive objects, both there",
+     "an S120 asked for DO 1, then for DO 2: both answer", "2 read ok", RequestAndReply(read(1), speed(1)),
+     RequestAndReply(read(2, axis=2), speed(2, axis=2))),
+    ("index-and-count", "A subindex on a parameter that is no array", "P2900 with subindex 1: error 0x04",
+     "read error, DS410 DS717", failed(read(1, message.address(2900, 1, 1)), NO_ARRAY)),
+    ("index-and-count-not", "A subindex on a parameter that is an array",
+     "r2902 with subindex 1: the drive answers", "read ok",
+     RequestAndReply(read(1, message.address(2902, 1, 1)), speed(1, 0.0))),
+    ("index-and-count-subindex", "An array asked for past its end",
+     "r2902 has 16 elements; 4 from subindex 14 on are asked for: error 0x03", "read error, DS410 DS717",
+     failed(read(1, message.address(2902, 14, 4)), NO_SUBINDEX, 16)),
+    ("index-and-count-address", "Subindex and number of elements the wrong way round",
+     "P2900 with 2 elements: error 0x16", "read error, DS410 DS717",
+     failed(read(1, message.address(2900, 0, 2)), ADDRESS)),
+    ("index-and-count-values", "One value for two elements",
+     "a change of two elements of p1021 that brings one value: error 0x18",
+     "change error, DS310 DS410 DS717",
+     failed(change(1, message.address(1021, 0, 2), message.real(5.0)), COUNT)),
+    ("commissioning-state", "A motor parameter outside of quick commissioning",
+     "p0304 := 400 with p0010 = 0: error 0x70", "change error, DS410 DS718",
+     failed(change(1, MOTOR_VOLTAGE, message.word(400)), QUICK_COMMISSIONING)),
+    ("commissioning-state-not", "A motor parameter in quick commissioning",
+     "the same change between p0010 := 1 and p0010 := 0", "4 change ok",
+     taken(change(1, FILTER, message.word(1))), taken(change(2, MOTOR_VOLTAGE, message.word(400))),
+     taken(change(3, FILTER, message.word(0)))),
+    ("drive-running", "A parameter that is locked while the drive runs",
+     "P1082 := 40 with the enable on: error 0x6B (Siemens)", "change error, DS410 DS719",
+     failed(change(1, MAXIMUM_SPEED, message.real(40.0)), ENABLED)),
+    ("drive-running-not", "The same parameter at standstill",
+     "P1082 := 40 with the enable off: the drive takes it", "2 change ok",
+     taken(change(1, MAXIMUM_SPEED, message.real(40.0)))),
+    ("drive-running-state", "A request that the operating state forbids",
+     "p0972 := 1 (reset) while the drive runs: error 0x11 of the profile", "change error, DS410 DS719",
+     failed(change(1, message.address(972), message.word(1)), RUNNING)),
+    ("connector-as-number", "A setpoint written into the connector of the setpoint",
+     "p1070 := 50.0 as Float32: error 0x05", "change error, DS410 DS720",
+     failed(change(1, SETPOINT, message.real(50.0)), DATA_TYPE)),
+    ("connector-as-number-not", "A connector written as such",
+     "p1070 := 16#08020000, which is r2050[0] of DO 0: the drive takes it", "2 change ok",
+     taken(change(1, SETPOINT, dword(2050 << 16)))),
+    ("connector-as-number-word", "A connector written with 16 bits", "p0840 := 1 as Unsigned16: error 0x17",
+     "change error, DS410 DS720", failed(change(1, message.address(840), message.word(1)), FORMAT)),
+    ("connector-as-number-link", "A connector that cannot be wired to this source",
+     "p1070 := r0052, a word where a floating-point number is needed: error 0x83",
+     "change error, DS410 DS720", failed(change(1, SETPOINT, dword(52 << 16)), NO_LINK)),
+)  # fmt: skip

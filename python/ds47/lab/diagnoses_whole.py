@@ -8,11 +8,8 @@ from ds47.lab import message
 from ds47.lab.client import Client, controller, drive
 from ds47.lab.diagnoses import (
     CYCLE,
-    INCOMPLETE,
     LOCAL,
     LONG,
-    ORPHAN,
-    UNANSWERED,
     ask,
     fixed,
     polls,
@@ -22,7 +19,7 @@ from ds47.lab.diagnoses import (
     speed,
 )
 from ds47.lab.ether import Host
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 from ds47.lab.stage import Stage
 from ds47.lab.wire import RecordId
 
@@ -31,12 +28,7 @@ BOOK = Book("diagnosis")
 # Not saved (DS721)
 
 
-@BOOK.scene(
-    "two changes, and no p0971 or p0977 until the end of the capture",
-    OK_CHANGE,
-    OK_CHANGE,
-    rules="DS721",
-)
+@BOOK.scene("two changes, and no p0971 or p0977 until the end of the capture", "2 change ok, DS721")
 def lost_at_power_off(client: Client) -> None:
     """Changes that stay in RAM."""
     for reference, value in ((1, 25.0), (2, 30.0)):
@@ -44,7 +36,7 @@ def lost_at_power_off(client: Client) -> None:
         client.wait(CYCLE)
 
 
-@BOOK.scene("the same two changes, then p0977 = 1", *[OK_CHANGE] * 3)
+@BOOK.scene("the same two changes, then p0977 = 1", "3 change ok")
 def lost_at_power_off_not(client: Client) -> None:
     """Changes that are copied to ROM."""
     lost_at_power_off(client)
@@ -53,9 +45,7 @@ def lost_at_power_off_not(client: Client) -> None:
 
 @BOOK.scene(
     "a change at slot 2, then p0977 = 1 at slot 1, and the program goes on reading there",
-    OK_CHANGE,
-    OK_CHANGE,
-    OK_READ,
+    "2 change ok, read ok",
 )
 def lost_at_power_off_order_not(client: Client) -> None:
     """Changes at one submodule, copied to ROM at another."""
@@ -75,22 +65,15 @@ def _changes(client: Client, values: list[float]) -> None:
     save(client, len(values) + 1)
 
 
-@BOOK.scene(
-    "P2900 := 25.0, eight times, every 100 ms: REQ of WRREC stays TRUE",
-    *[OK_CHANGE] * 9,
-    rules="DS723",
-)
-def request_held(client: Client) -> None:
-    """The same change again and again."""
-    _changes(client, [25.0] * 8)
-
-
-@BOOK.scene(
-    "eight changes at the same period, each with a value of its own: a ramp", *[OK_CHANGE] * 9
-)
-def request_held_not(client: Client) -> None:
-    """Changes of a value that moves."""
-    _changes(client, [25.0 + number for number in range(8)])
+BOOK.scenes(
+    _changes,
+    ("request-held", "The same change again and again",
+     "P2900 := 25.0, eight times, every 100 ms: REQ of WRREC stays TRUE", "9 change ok, DS723",
+     [25.0] * 8),
+    ("request-held-not", "Changes of a value that moves",
+     "eight changes at the same period, each with a value of its own: a ramp", "9 change ok",
+     [25.0 + number for number in range(8)]),
+)  # fmt: skip
 
 
 # Polls without a pause (DS724)
@@ -105,26 +88,16 @@ def _asked(client: Client, jobs: int, count: int, pause: float) -> None:
         client.wait(CYCLE)
 
 
-@BOOK.scene(
-    "three reads in a row, RDREC in every cycle of 2 ms: twelve polls each",
-    *[OK_READ] * 3,
-    rules="DS204 DS724",
-)
-def polling_storm(client: Client) -> None:
-    """A Read in every cycle."""
-    _asked(client, 3, 12, 0)
-
-
-@BOOK.scene("the same drive, as slow as before, asked every 12 ms: two polls each", *[OK_READ] * 3)
-def polling_storm_not(client: Client) -> None:
-    """Reads with a pause."""
-    _asked(client, 3, 2, CYCLE)
-
-
-@BOOK.scene("one read, polled 120 times in 240 ms", OK_READ, rules="DS204 DS724")
-def polling_storm_one(client: Client) -> None:
-    """More than a hundred Reads for one response."""
-    _asked(client, 1, 120, 0)
+BOOK.scenes(
+    _asked,
+    ("polling-storm", "A Read in every cycle",
+     "three reads in a row, RDREC in every cycle of 2 ms: twelve polls each", "3 read ok, DS204 DS724",
+     3, 12, 0),
+    ("polling-storm-not", "Reads with a pause",
+     "the same drive, as slow as before, asked every 12 ms: two polls each", "3 read ok", 3, 2, CYCLE),
+    ("polling-storm-one", "More than a hundred Reads for one response",
+     "one read, polled 120 times in 240 ms", "read ok, DS204 DS724", 1, 120, 0),
+)  # fmt: skip
 
 
 # A part of the conversation (DS725)
@@ -155,31 +128,19 @@ def _heard_from(client: Client, speaker: str) -> None:
         ask(client, reference, 1500.0 + reference)
 
 
-@BOOK.scene(
-    "a mirror port that carries what the controller sends and nothing else",
-    *[INCOMPLETE] * 3,
-    rules="DS101 DS110 DS725",
-)
-def half_captured(client: Client) -> None:
-    """Requests only."""
-    _heard_from(client, controller().ip)
+BOOK.scenes(
+    _heard_from,
+    ("half-captured", "Requests only",
+     "a mirror port that carries what the controller sends and nothing else",
+     "3 read incomplete, DS101 DS110 DS725", controller().ip),
+    ("half-captured-responses", "Responses only",
+     "a mirror port that carries what the drive sends and nothing else",
+     "3 read orphan, DS102 DS403 DS725", drive().ip),
+)  # fmt: skip
 
 
 @BOOK.scene(
-    "a mirror port that carries what the drive sends and nothing else",
-    *[ORPHAN] * 3,
-    rules="DS102 DS403 DS725",
-)
-def half_captured_responses(client: Client) -> None:
-    """Responses only."""
-    _heard_from(client, drive().ip)
-
-
-@BOOK.scene(
-    "Reads of two controllers' responses, and no Write of anybody",
-    ORPHAN,
-    ORPHAN,
-    rules="DS403 DS725",
+    "Reads of two controllers' responses, and no Write of anybody", "2 read orphan, DS403 DS725"
 )
 def half_captured_reads(client: Client) -> None:
     """Reads without any Write."""
@@ -190,23 +151,20 @@ def half_captured_reads(client: Client) -> None:
 
 @BOOK.scene(
     "the capture keeps 230 bytes of each frame: of ten values of an array four are there",
-    OK_READ,
-    rules="DS106 DS725",
+    "read ok, DS106 DS725",
 )
 def half_captured_cut(client: Client) -> None:
     """Frames cut by the snap length: the values."""
     _ten_values(client, 230)
 
 
-@BOOK.scene("the capture keeps 260 bytes of each frame, and none is longer", OK_READ)
+@BOOK.scene("the capture keeps 260 bytes of each frame, and none is longer", "read ok")
 def half_captured_cut_not(client: Client) -> None:
     """A snap length that cuts nothing."""
     _ten_values(client, 260)
 
 
-@BOOK.scene(
-    "the capture keeps 128 bytes of each frame: no record is left of any of them", rules="DS725"
-)
+@BOOK.scene("the capture keeps 128 bytes of each frame: no record is left of any of them", "DS725")
 def half_captured_cut_short(client: Client) -> None:
     """Frames cut by the snap length: all that matters."""
     _ten_values(client, 128)
@@ -220,10 +178,7 @@ def _ten_values(client: Client, snap: int) -> None:
 
 @BOOK.scene(
     "the capturing machine says that it lost 14 frames, among them those of a Read",
-    OK_READ,
-    INCOMPLETE,
-    OK_READ,
-    rules="DS110 DS725",
+    "read ok, read incomplete, read ok, DS110 DS725",
 )
 def half_captured_dropped(client: Client) -> None:
     """Frames lost while capturing."""
@@ -238,10 +193,7 @@ def half_captured_dropped(client: Client) -> None:
 
 @BOOK.scene(
     "no Read at all, and no call is missing by its number: nobody read",
-    OK_READ,
-    UNANSWERED,
-    OK_READ,
-    rules="DS401",
+    "read ok, read unanswered, read ok, DS401",
 )
 def half_captured_dropped_not(client: Client) -> None:
     """A Read that never was."""
@@ -254,8 +206,7 @@ def half_captured_dropped_not(client: Client) -> None:
 
 @BOOK.scene(
     "the capture starts behind a transaction and ends behind another one: whole conversations",
-    OK_READ,
-    OK_READ,
+    "2 read ok",
 )
 def half_captured_not(client: Client) -> None:
     """A capture that starts and ends between transactions."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ds47.lab import message
 from ds47.lab.client import Client
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 
 BOOK = Book("format")
 
@@ -70,14 +70,18 @@ EXAMPLES: tuple[tuple[int, int, str], ...] = (
 """(format, number of values, values in hex); PNU n of the scenarios is 1000 + row."""
 
 
-def _read(client: Client) -> None:
+@BOOK.scene("true values of every type", f"{len(EXAMPLES)} read ok")
+def read(client: Client) -> None:
+    """Every format, read."""
     for row, (code, count, data) in enumerate(EXAMPLES):
         address = message.address(1000 + row, elements=count)
         block = message.raw_block(code, count, bytes.fromhex(data))
         client.exchange(message.read(row + 1, 1, address), message.answer(row + 1, 1, 1, block))
 
 
-def _change(client: Client) -> None:
+@BOOK.scene("a value block of every type in a change request", f"{len(EXAMPLES)} change ok, DS721")
+def change(client: Client) -> None:
+    """Every format, written."""
     for row, (code, count, data) in enumerate(EXAMPLES):
         address = message.address(1000 + row, elements=count)
         block = message.raw_block(code, count, bytes.fromhex(data))
@@ -85,37 +89,19 @@ def _change(client: Client) -> None:
         client.exchange(request, message.changed(row + 1, 1))
 
 
-def _together(client: Client) -> None:
-    """Odd and even blocks in turn: without the pad byte everything behind an odd one shifts."""
+@BOOK.scene("one pad byte after each block of odd length", "read ok")
+def mixed(client: Client) -> None:
+    """Odd and even value blocks in one response."""
+    # Without the pad byte everything behind an odd one shifts.
     chosen = [row for row in EXAMPLES if row[0] in (0x01, 0x05, 0x09, 0x02, 0x08, 0x41, 0x37)]
     addresses = [message.address(1000 + n, elements=row[1]) for n, row in enumerate(chosen)]
     blocks = [message.raw_block(code, count, bytes.fromhex(data)) for code, count, data in chosen]
     client.exchange(message.read(1, 1, *addresses), message.answer(1, 1, 1, *blocks))
 
 
-BOOK.add(
-    "read", "Every format, read", "true values of every type", _read, [OK_READ] * len(EXAMPLES)
-)
-BOOK.add(
-    "change",
-    "Every format, written",
-    "a value block of every type in a change request",
-    _change,
-    [OK_CHANGE] * len(EXAMPLES),
-    "DS721",
-)
-BOOK.add(
-    "mixed",
-    "Odd and even value blocks in one response",
-    "one pad byte after each block of odd length",
-    _together,
-    [OK_READ],
-)
-
-
 @BOOK.scene(
     "attributes 0x20 and 0x30: one element, the name, the whole description, a text array",
-    *[OK_READ] * 4,
+    "4 read ok",
 )
 def description(client: Client) -> None:
     """Parameter description and text."""
@@ -137,10 +123,7 @@ def description(client: Client) -> None:
 @BOOK.scene(
     "drive object 2 describes two parameters: from then on its values have a name, a unit and a physical value, "
     "and a change in another type is known to be one; drive object 3 has described nothing",
-    *[OK_READ] * 5,
-    ("change", "error"),
-    OK_CHANGE,
-    rules="DS410 DS714 DS721",
+    "5 read ok, change error, change ok, DS410 DS714 DS721",
 )
 def described(client: Client) -> None:
     """Names, units and types from a drive."""

@@ -79,6 +79,12 @@ class Machine(Generic[Line]):
         self.raw = round(percent / 100 * FULL)
         return self
 
+    def let(self, **drive: object) -> Machine[Line]:
+        """Something happens at the drive: attributes of it change."""
+        for name, value in drive.items():
+            setattr(self.drive, name, value)
+        return self
+
     def run(self, seconds: float) -> Machine[Line]:
         """Time goes by, in whole cycles."""
         for _ in range(max(1, round(seconds * 1000 / self.line.reduction))):

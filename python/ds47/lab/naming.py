@@ -7,7 +7,7 @@ import struct
 from ds47.lab import ether, message
 from ds47.lab.client import Client
 from ds47.lab.ether import Host
-from ds47.lab.scenario import OK_READ, Book
+from ds47.lab.scenario import Book
 from ds47.lab.wire import mac_bytes
 
 BOOK = Book("naming")
@@ -50,7 +50,7 @@ def lldp(host: Host, station: str) -> bytes:
     return b"".join(struct.pack(">H", kind << 9 | len(data)) + data for kind, data in parts)
 
 
-@BOOK.scene("station names, vendor and device id for the report", OK_READ)
+@BOOK.scene("station names, vendor and device id for the report", "read ok")
 def all_(client: Client) -> None:
     """Connect, DCP and LLDP name the controller and the drive."""
     plc, motor = client.host, client.device

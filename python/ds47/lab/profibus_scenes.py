@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ds47.lab import fdl
 from ds47.lab.master import FAULTY, NO_DPV1, NOT_READY, PPO1, SET_PRM, WAITS, Master, Way
-from ds47.lab.scenario import OK_READ, BusBook
+from ds47.lab.scenario import BusBook
 
 BOOK = BusBook("profibus")
 MOTOR = 3
@@ -16,7 +16,6 @@ HERE = Way(MOTOR)
 IDENTIFICATION = Way(MOTOR, slot=1, index=255)
 READ, ANSWER = bytes.fromhex("01010101 100103840000"), bytes.fromhex("01010101 42010005")
 """P0900, which is a word."""
-REFUSED = ("read", "refused")
 UNREAD_LIMIT, POLL_LIMIT = 10, 100
 
 
@@ -37,10 +36,19 @@ def going(master: Master, cycles: int = 3, code: int = fdl.LOW) -> Master:
     return master
 
 
+def _started(master: Master, *how: str) -> None:
+    running(master, *how)
+
+
+def _polled(master: Master, polls: int) -> None:
+    running(master).write(HERE, READ)
+    master.read(HERE, ANSWER, polls=polls)
+
+
 # Frames
 
 
-@BOOK.scene("DS801: two answers with a wrong check byte", rules="DS801")
+@BOOK.scene("DS801: two answers with a wrong check byte", "DS801")
 def wrong_check_bytes(master: Master) -> None:
     """Answers are damaged on the line."""
     for _ in range(2):
@@ -58,7 +66,7 @@ def cut_frame(master: Master) -> None:
     master.exchange(MOTOR)
 
 
-@BOOK.scene("DS802: an answer whose length bytes differ", rules="DS802")
+@BOOK.scene("DS802: an answer whose length bytes differ", "DS802")
 def lengths_of_a_frame(master: Master) -> None:
     """A length byte is damaged on the line."""
     running(master).exchange(MOTOR)
@@ -75,7 +83,7 @@ def short_frame(master: Master) -> None:
     master.put(bytes((0x68, 3, 3, 0x68)) + body + bytes((sum(body) & 0xFF, 0x16)))
 
 
-@BOOK.scene("DS803: two repetitions of a request", rules="DS803")
+@BOOK.scene("DS803: two repetitions of a request", "DS803")
 def repeated(master: Master) -> None:
     """The master asks three times until the station answers."""
     running(master).ask(MOTOR, "00" * 12)
@@ -92,7 +100,7 @@ def recorded_twice(master: Master) -> None:
     running(master)
 
 
-@BOOK.scene("DS804: a request without an answer", rules="DS804")
+@BOOK.scene("DS804: a request without an answer", "DS804")
 def no_answer(master: Master) -> None:
     """The station misses a request, and the master begins anew with it."""
     running(master).ask(MOTOR, "00" * 12)
@@ -103,8 +111,8 @@ def no_answer(master: Master) -> None:
 
 @BOOK.scene(
     "Near DS804: nobody is at the addresses 4 to 9, the recorder missed an answer and stops before another one",
-    rules="DS725",
-)  # fmt: skip
+    "DS725",
+)
 def nobody_there(master: Master) -> None:
     """The master had the first answer, for its next request has the other FCB; then the capture ends."""
     running(master).ask(MOTOR, "00" * 12)
@@ -115,7 +123,7 @@ def nobody_there(master: Master) -> None:
 # Records
 
 
-@BOOK.scene("DS805: records without DPV1_Enable", REFUSED, rules="DS805")
+@BOOK.scene("DS805: records without DPV1_Enable", "read refused, DS805")
 def records_without_dpv1(master: Master) -> None:
     """Set_Prm did not enable DPV1, and the program writes a request."""
     running(master, NO_DPV1).ask(MOTOR, f"5f002f{len(READ):02x}{READ.hex()}", 51, 51)
@@ -124,10 +132,7 @@ def records_without_dpv1(master: Master) -> None:
 
 
 @BOOK.scene(
-    "DS817: no resource (RR), and the write is accepted later",
-    REFUSED,
-    OK_READ,
-    rules="DS415 DS817",
+    "DS817: no resource (RR), and the write is accepted later", "read refused, read ok, DS415 DS817"
 )
 def no_resource(master: Master) -> None:
     """The station has no room for a record, and takes it later."""
@@ -136,13 +141,13 @@ def no_resource(master: Master) -> None:
     going(master).parameters(HERE, READ, ANSWER)
 
 
-@BOOK.scene("Near DS805: the same with DPV1_Enable", OK_READ)
+@BOOK.scene("Near DS805: the same with DPV1_Enable", "read ok")
 def records_with_dpv1(master: Master) -> None:
     """Set_Prm enabled DPV1, and the program writes a request."""
     going(running(master)).parameters(HERE, READ, ANSWER)
 
 
-@BOOK.scene("Near DS817: no resource (RR) for a data exchange", rules="DS816")
+@BOOK.scene("Near DS817: no resource (RR) for a data exchange", "DS816")
 def no_resource_for_outputs(master: Master) -> None:
     """The station has no room for outputs, and no record is refused."""
     running(master).ask(MOTOR, "00" * 12)
@@ -150,7 +155,7 @@ def no_resource_for_outputs(master: Master) -> None:
     going(master)
 
 
-@BOOK.scene("DS806: a master asks for identification, and the drive has none", rules="DS806")
+@BOOK.scene("DS806: a master asks for identification, and the drive has none", "DS806")
 def no_identification(master: Master) -> None:
     """The master reads index 255, which the station refuses."""
     running(master).read(IDENTIFICATION, refused="de80b000")
@@ -164,28 +169,23 @@ def identification(master: Master) -> None:
     going(master)
 
 
-@BOOK.scene("DS807: 101 polls", OK_READ, rules="DS807")
-def polled_often(master: Master) -> None:
-    """The station takes 101 polls for its response."""
-    running(master).write(HERE, READ)
-    master.read(HERE, ANSWER, polls=POLL_LIMIT + 1)
+BOOK.scenes(
+    _polled,
+    ("polled-often", "The station takes 101 polls for its response", "DS807: 101 polls",
+     "read ok, DS807", POLL_LIMIT + 1),
+    ("polled", "The station takes 100 polls for its response", "Near DS807: 100 polls", "read ok",
+     POLL_LIMIT),
+)  # fmt: skip
 
 
-@BOOK.scene("Near DS807: 100 polls", OK_READ)
-def polled(master: Master) -> None:
-    """The station takes 100 polls for its response."""
-    running(master).write(HERE, READ)
-    master.read(HERE, ANSWER, polls=POLL_LIMIT)
-
-
-@BOOK.scene("DS808: a read of index 47 before any write", OK_READ, rules="DS703 DS808")
+@BOOK.scene("DS808: a read of index 47 before any write", "read ok, DS703 DS808")
 def read_first(master: Master) -> None:
     """The program reads a response before it asks."""
     running(master).read(HERE, refused=NOT_READY)
     going(master).parameters(HERE, READ, ANSWER)
 
 
-@BOOK.scene("Near DS808: the same in a capture that has no start-up", OK_READ, rules="DS110 DS725")
+@BOOK.scene("Near DS808: the same in a capture that has no start-up", "read ok, DS110 DS725")
 def read_first_later(master: Master) -> None:
     """The capture begins behind a write, or without one: nobody knows."""
     going(master).read(HERE, refused=NOT_READY)
@@ -194,15 +194,15 @@ def read_first_later(master: Master) -> None:
 
 @BOOK.scene(
     "DS809: a write of 241 bytes, of which the frame has room for 240",
-    REFUSED, rules="DS202 DS203 DS314 DS809",
-)  # fmt: skip
+    "read refused, DS202 DS203 DS314 DS809",
+)
 def write_too_long(master: Master) -> None:
     """The program writes 241 bytes, which the station refuses."""
     running(master).service(HERE, f"5f002ff1{READ.ljust(240, bytes(1)).hex()}")
     master.poll(MOTOR, "df80b100")
 
 
-@BOOK.scene("Near DS809: a buffer of 240 bytes", OK_READ, rules="DS314")
+@BOOK.scene("Near DS809: a buffer of 240 bytes", "read ok, DS314")
 def longest_write(master: Master) -> None:
     """The program writes its whole buffer of 240 bytes."""
     running(master).parameters(HERE, READ.ljust(240, b"\0"), ANSWER)
@@ -211,7 +211,7 @@ def longest_write(master: Master) -> None:
 # Stations
 
 
-@BOOK.scene("DS810: Set_Prm after data exchange", rules="DS810")
+@BOOK.scene("DS810: Set_Prm after data exchange", "DS810")
 def parameters_again(master: Master) -> None:
     """The station has left data exchange, and is started again."""
     running(master)
@@ -226,8 +226,7 @@ def parameters_twice(master: Master) -> None:
 
 
 @BOOK.scene(
-    "DS816: a data exchange comes 400 ms after the one before; the watchdog is 300 ms",
-    rules="DS816",
+    "DS816: a data exchange comes 400 ms after the one before; the watchdog is 300 ms", "DS816"
 )
 def exchange_refused(master: Master) -> None:
     """The watchdog of the station runs out, as its master is too slow."""
@@ -244,7 +243,7 @@ def exchange_in_time(master: Master) -> None:
     going(master)
 
 
-@BOOK.scene("DS811: 4 bytes of inputs, where Chk_Cfg says 12", rules="DS811")
+@BOOK.scene("DS811: 4 bytes of inputs, where Chk_Cfg says 12", "DS811")
 def other_lengths(master: Master) -> None:
     """The station answers with the data of PPO3, and was configured with PPO1."""
     running(master).exchange(MOTOR, "00" * 12, "00" * 4)
@@ -258,7 +257,7 @@ def no_outputs(master: Master) -> None:
         master.exchange(MOTOR, "")
 
 
-@BOOK.scene("DS812: ten answers ask for a diagnosis that nobody reads", rules="DS812")
+@BOOK.scene("DS812: ten answers ask for a diagnosis that nobody reads", "DS812")
 def diagnosis_not_read(master: Master) -> None:
     """The station asks for a diagnosis in vain."""
     going(running(master), UNREAD_LIMIT, fdl.HIGH)
@@ -271,19 +270,7 @@ def diagnosis_read(master: Master) -> None:
     going(master)
 
 
-@BOOK.scene("DS813: PKW as 73", rules="DS813")
-def pkw_word_by_word(master: Master) -> None:
-    """PKW is configured without consistency over its whole length."""
-    running(master, configured="73f1")
-
-
-@BOOK.scene("Near DS813: PKW as F3, and PZD as 71")
-def pzd_word_by_word(master: Master) -> None:
-    """PZD alone is configured without consistency over its whole length."""
-    running(master, configured="f371")
-
-
-@BOOK.scene("DS814: Cfg_Fault", rules="DS814")
+@BOOK.scene("DS814: Cfg_Fault", "DS814")
 def configuration_refused(master: Master) -> None:
     """The station refuses the configuration."""
     master.start(MOTOR, diagnosis="040c000280b5")
@@ -298,10 +285,16 @@ def not_ready_yet(master: Master) -> None:
     going(master)
 
 
-@BOOK.scene("DS815: Set_Prm locks the station, and leaves the watchdog off", rules="DS815")
-def no_watchdog(master: Master) -> None:
-    """The watchdog of the station is switched off."""
-    running(master, "b0" + SET_PRM[2:], diagnosis="0004000280b5")
+BOOK.scenes(
+    _started,
+    ("pkw-word-by-word", "PKW is configured without consistency over its whole length",
+     "DS813: PKW as 73", "DS813", SET_PRM, "73f1"),
+    ("pzd-word-by-word", "PZD alone is configured without consistency over its whole length",
+     "Near DS813: PKW as F3, and PZD as 71", "", SET_PRM, "f371"),
+    ("no-watchdog", "The watchdog of the station is switched off",
+     "DS815: Set_Prm locks the station, and leaves the watchdog off", "DS815", "b0" + SET_PRM[2:], PPO1,
+     "0004000280b5"),
+)  # fmt: skip
 
 
 @BOOK.scene("Near DS815: Set_Prm without watchdog that locks nothing")

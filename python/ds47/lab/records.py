@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ds47.lab import message, wire
 from ds47.lab.client import BUSY, OK, Client
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 from ds47.lab.wire import RecordId
 
 BOOK = Book("record")
@@ -16,25 +16,25 @@ NOT_POSSIBLE = 0xDF80B500
 BAD_HEADER = 0xDF80B700
 
 
-@BOOK.scene("index 0xB02E, API 0x3A00", OK_READ)
+@BOOK.scene("index 0xB02E, API 0x3A00", "read ok")
 def local(client: Client) -> None:
     """Base Mode Parameter Access, local."""
     client.exchange(READ, ANSWER, at=client.at(index=0xB02E, api=0x3A00))
 
 
-@BOOK.scene("index 0xB02F", OK_READ)
+@BOOK.scene("index 0xB02F", "read ok")
 def global_(client: Client) -> None:
     """Base Mode Parameter Access, global."""
     client.exchange(READ, ANSWER, at=client.at(index=0xB02F))
 
 
-@BOOK.scene("three refused Reads before the response", OK_READ)
+@BOOK.scene("three refused Reads before the response", "read ok")
 def polls(client: Client) -> None:
     """Polling."""
     client.exchange(READ, ANSWER, polls=3)
 
 
-@BOOK.scene("fifteen refused Reads, without a header of their own", OK_READ, rules="DS204")
+@BOOK.scene("fifteen refused Reads, without a header of their own", "read ok, DS204")
 def polls_many(client: Client) -> None:
     """Polling many times."""
     client.write(READ)
@@ -44,7 +44,7 @@ def polls_many(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("the drive is busy for 4 s", OK_READ, rules="DS205 DS416")
+@BOOK.scene("the drive is busy for 4 s", "read ok, DS205 DS416")
 def polls_long(client: Client) -> None:
     """Polling for a long time."""
     client.write(READ)
@@ -54,7 +54,7 @@ def polls_long(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("the response is read three times", OK_READ, rules="DS704")
+@BOOK.scene("the response is read three times", "read ok, DS704")
 def reread(client: Client) -> None:
     """A response read again."""
     client.exchange(READ, ANSWER)
@@ -63,7 +63,7 @@ def reread(client: Client) -> None:
         client.read(ANSWER)
 
 
-@BOOK.scene("DF80B700: an error in the header", ("read", "refused"), rules="DS203")
+@BOOK.scene("DF80B700: an error in the header", "read refused, DS203")
 def write_refused(client: Client) -> None:
     """A refused Write."""
     client.write(READ, status=BAD_HEADER)
@@ -71,9 +71,7 @@ def write_refused(client: Client) -> None:
 
 @BOOK.scene(
     "a second request while the first is open is refused; the Read brings the first one's response",
-    OK_READ,
-    ("read", "refused"),
-    rules="DS203 DS705",
+    "read ok, read refused, DS203 DS705",
 )
 def write_refused_open(client: Client) -> None:
     """A Write refused while another request is open."""
@@ -82,14 +80,14 @@ def write_refused_open(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("DE80B600: access denied", ("read", "refused"), rules="DS201")
+@BOOK.scene("DE80B600: access denied", "read refused, DS201")
 def read_refused(client: Client) -> None:
     """A refused Read."""
     client.write(READ)
     client.poll(0xDE80B600)
 
 
-@BOOK.scene("a positive Read without data, then the response", OK_READ, rules="DS207")
+@BOOK.scene("a positive Read without data, then the response", "read ok, DS207")
 def read_empty(client: Client) -> None:
     """A positive Read without data."""
     client.write(READ)
@@ -98,7 +96,7 @@ def read_empty(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("a Read before the first Write of its connection", OK_READ, rules="DS206 DS703")
+@BOOK.scene("a Read before the first Write of its connection", "read ok, DS206 DS703")
 def nothing_to_read(client: Client) -> None:
     """A Read that no request goes before."""
     client.connect("plc-1")
@@ -106,9 +104,7 @@ def nothing_to_read(client: Client) -> None:
     client.exchange(READ, ANSWER)
 
 
-@BOOK.scene(
-    "RecordDataLength of the Read response says 12, 8 bytes are there", OK_READ, rules="DS202"
-)
+@BOOK.scene("RecordDataLength of the Read response says 12, 8 bytes are there", "read ok, DS202")
 def length(client: Client) -> None:
     """A record length that lies."""
     client.write(READ)
@@ -122,7 +118,7 @@ def _slots(client: Client) -> list[tuple[RecordId, bytes, int]]:
     ]
 
 
-@BOOK.scene("three requests in one IODWriteMultiple, read one by one", *[OK_READ] * 3)
+@BOOK.scene("three requests in one IODWriteMultiple, read one by one", "3 read ok")
 def multiple(client: Client) -> None:
     """IODWriteMultiple."""
     records = _slots(client)
@@ -134,10 +130,7 @@ def multiple(client: Client) -> None:
 
 @BOOK.scene(
     "the second of three requests in one IODWriteMultiple is refused",
-    OK_READ,
-    ("read", "refused"),
-    OK_READ,
-    rules="DS203",
+    "read ok, read refused, read ok, DS203",
 )
 def multiple_refused(client: Client) -> None:
     """IODWriteMultiple with a refused record."""
@@ -149,7 +142,7 @@ def multiple_refused(client: Client) -> None:
         client.read(answer, at=records[number - 1][0])
 
 
-@BOOK.scene("an IODWriteMultiple inside another one is not opened", OK_READ, rules="DS208")
+@BOOK.scene("an IODWriteMultiple inside another one is not opened", "read ok, DS208")
 def multiple_nested(client: Client) -> None:
     """IODWriteMultiple, nested."""
     client.exchange(READ, ANSWER)
@@ -160,8 +153,7 @@ def multiple_nested(client: Client) -> None:
 
 @BOOK.scene(
     "ReadImplicit of 0xB02F is a channel of its own: nothing there, though the AR has a response",
-    OK_READ,
-    rules="DS110",
+    "read ok, DS110",
 )
 def implicit(client: Client) -> None:
     """ReadImplicit."""
@@ -172,16 +164,14 @@ def implicit(client: Client) -> None:
     client.read(ANSWER, at=place)
 
 
-@BOOK.scene(
-    "ReadImplicit brings a response that nobody asked for", ("read", "orphan"), rules="DS403 DS725"
-)
+@BOOK.scene("ReadImplicit brings a response that nobody asked for", "read orphan, DS403 DS725")
 def implicit_orphan(client: Client) -> None:
     """ReadImplicit with data."""
     nowhere = client.at(ar=wire.NIL, index=0xB02F)
     client.accept_read(client.ask_implicit(nowhere), ANSWER, at=nowhere)
 
 
-@BOOK.scene("record 47 of something that is no drive: no transaction", rules="DS209")
+@BOOK.scene("record 47 of something that is no drive: no transaction", "DS209")
 def foreign(client: Client) -> None:
     """Index 47 that is not a parameter channel."""
     for text in (b"Hello, world", b"\x00\x00\x00\x10calibration data", b"\xff" * 8):
@@ -190,9 +180,7 @@ def foreign(client: Client) -> None:
 
 @BOOK.scene(
     "a broken request before the AR shows its parameter channel is taken in too",
-    ("read", "refused"),
-    OK_READ,
-    rules="DS203 DS315 DS711",
+    "read refused, read ok, DS203 DS315 DS711",
 )
 def foreign_then_ours(client: Client) -> None:
     """A broken request first."""
@@ -200,9 +188,7 @@ def foreign_then_ours(client: Client) -> None:
     client.exchange(READ, ANSWER)
 
 
-@BOOK.scene(
-    "other records around the parameter channel: I&M0, PDRealData", OK_CHANGE, rules="DS721"
-)
+@BOOK.scene("other records around the parameter channel: I&M0, PDRealData", "change ok, DS721")
 def other_index(client: Client) -> None:
     """Other records on the same AR."""
     client.read(bytes(54), at=client.at(index=0xAFF0))

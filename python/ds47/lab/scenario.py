@@ -24,8 +24,6 @@ Transaction = TypeVar("Transaction")
 """What a book expects of a transaction."""
 DIAGNOSES = "DS7"
 """The prefix of the ids of diagnoses."""
-OK_READ = ("read", "ok")
-OK_CHANGE = ("change", "ok")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +89,11 @@ class Scenes(ABC, Generic[Who, Transaction]):
 
 
 @dataclass(slots=True)
-class _Captures(Scenes[Who, tuple[str, str]]):
-    """The scenarios of one module in their order; transactions are (operation, state)."""
+class _Captures(Scenes[Who, str]):
+    """The scenarios of one module in their order.
+
+    What one expects is text: `2 read ok, change refused, DS203 DS705`.
+    """
 
     topic: str
     scenarios: list[Scenario] = field(default_factory=list)
@@ -101,19 +102,40 @@ class _Captures(Scenes[Who, tuple[str, str]]):
     def actor(self) -> Actor:
         """A new actor on a fresh stage."""
 
+    def scenes(self, build: Callable[..., None], *rows: tuple[Any, ...]) -> None:
+        """Add scenes that one function plays: name, title, what it shows, what it expects, arguments of each.
+
+        What shows nothing else ("") shows its rules.
+        """
+        for name, title, shows, expect, *given in rows:
+            rules = expect.partition("DS")[1] + expect.partition("DS")[2]
+            shows = shows or f"{rules.replace(' ', ', ')} and no other finding"
+
+            def play(who: Who, given: Sequence[Any] = given) -> None:
+                build(who, *given)
+
+            self.add(name, title, shows, play, [expect])
+
     def add(
         self,
         name: str,
         title: str,
         shows: str,
         build: Callable[[Who], None],
-        transactions: Sequence[tuple[str, str]],
+        transactions: Sequence[str],
         rules: str = "",
     ) -> None:
         """Add a scenario for the capture of this topic and name."""
+        expected: list[tuple[str, str]] = []
+        for part in ", ".join(transactions).split(", "):
+            if part.startswith("DS"):
+                rules = part
+            elif part:
+                *count, operation, state = part.split()
+                expected += [(operation, state)] * int(*count or "1")
         ids = frozenset(rules.split())
         diagnoses = frozenset(rule for rule in ids if rule.startswith(DIAGNOSES))
-        expect = Expect(tuple(transactions), ids - diagnoses, diagnoses)
+        expect = Expect(tuple(expected), ids - diagnoses, diagnoses)
         whole = f"{self.topic}-{name}"
         self.scenarios.append(Scenario(whole, title, shows, build, expect, self.actor))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ds47.lab import ether, message
 from ds47.lab.client import Client
 from ds47.lab.naming import DCP, dcp_identify
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 
 BOOK = Book("tour")
 
@@ -20,15 +20,8 @@ IDENTIFICATION = 0xAFF0
 
 @BOOK.scene(
     "reads, changes, polls, refusals and an answer nobody fetched, as a report shows them",
-    OK_READ,
-    OK_CHANGE,
-    OK_READ,
-    OK_READ,
-    ("change", "refused"),
-    ("change", "error"),
-    ("read", "partial"),
-    ("change", "unanswered"),
-    rules="DS203 DS402 DS410 DS417 DS701 DS705 DS719 DS721",
+    "read ok, change ok, 2 read ok, change refused, change error, read partial, change unanswered, "
+    "DS203 DS402 DS410 DS417 DS701 DS705 DS719 DS721",
 )
 def machine(client: Client) -> None:
     """Commissioning of a DC drive: what works, what is refused, what is forgotten."""

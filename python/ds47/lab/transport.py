@@ -7,7 +7,7 @@ from uuid import UUID
 
 from ds47.lab import ether, message, wire
 from ds47.lab.client import Client, controller, drive
-from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.scenario import Book
 from ds47.lab.wire import Order
 
 BOOK = Book("transport")
@@ -45,59 +45,46 @@ def _long_change(client: Client) -> None:
     client.exchange(message.change(2, 1, (LONG, message.real(*range(50)))), message.changed(2, 1))
 
 
-def _orders(order: Order, answer: Order | None, name: str, title: str) -> None:
-    def build(client: Client) -> None:
-        client.order, client.answer_order = order, answer
-        _speed(client)
-        client.exchange(
-            message.change(2, 1, (message.address(1070), message.word(7))), message.changed(2, 1)
-        )
-        _refused(client)
-
-    shows = "UUID, numbers and PNIOStatus follow the byte order of each PDU"
-    expect = [OK_READ, OK_CHANGE, ("read", "refused")]
-    BOOK.add(name, title, shows, build, expect, "DS203 DS705 DS721")
-
-
-def _refused(client: Client) -> None:
+def _orders(client: Client, order: Order, answer: Order | None) -> None:
+    client.order, client.answer_order = order, answer
+    _speed(client)
+    client.exchange(
+        message.change(2, 1, (message.address(1070), message.word(7))), message.changed(2, 1)
+    )
     client.write(message.read(3, 1, SPEED), status=0xDF80B500)
 
 
-_orders(">", None, "big-endian", "Controller and drive big-endian")
-_orders("<", None, "little-endian", "Controller and drive little-endian")
-_orders(">", "<", "big-little", "Big-endian controller, little-endian drive")
-_orders("<", ">", "little-big", "Little-endian controller, big-endian drive")
+_SWAPPED = (
+    "UUID, numbers and PNIOStatus follow the byte order of each PDU",
+    "read ok, change ok, read refused, DS203 DS705 DS721",
+)
+BOOK.scenes(
+    _orders,
+    ("big-endian", "Controller and drive big-endian", *_SWAPPED, ">", None),
+    ("little-endian", "Controller and drive little-endian", *_SWAPPED, "<", None),
+    ("big-little", "Big-endian controller, little-endian drive", *_SWAPPED, ">", "<"),
+    ("little-big", "Little-endian controller, big-endian drive", *_SWAPPED, "<", ">"),
+)
 
 
-@BOOK.scene("802.1Q tag, priority 6", OK_READ)
-def vlan(client: Client) -> None:
-    """One VLAN tag."""
-    client.stage.tags = ((ether.CTAG, 10),)
+def _carried(client: Client, link: int, *tags: tuple[int, int]) -> None:
+    client.stage.link, client.stage.tags = link, tags
     _speed(client)
 
 
-@BOOK.scene("802.1ad tag around an 802.1Q tag", OK_READ)
-def qinq(client: Client) -> None:
-    """Two VLAN tags."""
-    client.stage.tags = ((ether.STAG, 100), (ether.CTAG, 10))
-    _speed(client)
+BOOK.scenes(
+    _carried,
+    ("vlan", "One VLAN tag", "802.1Q tag, priority 6", "read ok", ether.ETHERNET, (ether.CTAG, 10)),
+    ("qinq", "Two VLAN tags", "802.1ad tag around an 802.1Q tag", "read ok", ether.ETHERNET,
+     (ether.STAG, 100), (ether.CTAG, 10)),
+    ("sll", "Linux cooked capture, version 1", "link type 113, as `tcpdump -i any` writes", "read ok",
+     ether.COOKED),
+    ("sll2", "Linux cooked capture, version 2", "link type 276, as newer `tcpdump -i any` writes",
+     "read ok", ether.COOKED2),
+)  # fmt: skip
 
 
-@BOOK.scene("link type 113, as `tcpdump -i any` writes", OK_READ)
-def sll(client: Client) -> None:
-    """Linux cooked capture, version 1."""
-    client.stage.link = ether.COOKED
-    _speed(client)
-
-
-@BOOK.scene("link type 276, as newer `tcpdump -i any` writes", OK_READ)
-def sll2(client: Client) -> None:
-    """Linux cooked capture, version 2."""
-    client.stage.link = ether.COOKED2
-    _speed(client)
-
-
-@BOOK.scene("requests and responses in IP fragments", OK_READ, OK_CHANGE, rules="DS721")
+@BOOK.scene("requests and responses in IP fragments", "read ok, change ok, DS721")
 def ip_fragments(client: Client) -> None:
     """IP fragments."""
     client.stage.mtu = 176
@@ -105,7 +92,7 @@ def ip_fragments(client: Client) -> None:
     _long_change(client)
 
 
-@BOOK.scene("the last IP fragment comes first", OK_READ)
+@BOOK.scene("the last IP fragment comes first", "read ok")
 def ip_fragments_disorder(client: Client) -> None:
     """IP fragments in the wrong order."""
     client.stage.mtu = 176
@@ -118,9 +105,7 @@ def ip_fragments_disorder(client: Client) -> None:
 
 
 @BOOK.scene(
-    "a fragment of the Read response is lost; the controller reads again",
-    OK_READ,
-    rules="DS105 DS725",
+    "a fragment of the Read response is lost; the controller reads again", "read ok, DS105 DS725"
 )
 def ip_fragments_incomplete(client: Client) -> None:
     """IP fragments, one of them lost."""
@@ -128,7 +113,7 @@ def ip_fragments_incomplete(client: Client) -> None:
     _long_in_part(client)
 
 
-@BOOK.scene("requests and responses in RPC fragments", OK_READ, OK_CHANGE, rules="DS721")
+@BOOK.scene("requests and responses in RPC fragments", "read ok, change ok, DS721")
 def rpc_fragments(client: Client) -> None:
     """RPC fragments."""
     client.fragment = 100
@@ -138,8 +123,7 @@ def rpc_fragments(client: Client) -> None:
 
 @BOOK.scene(
     "the middle fragment of the Read response is lost; the controller reads again",
-    OK_READ,
-    rules="DS105 DS725",
+    "read ok, DS105 DS725",
 )
 def rpc_fragments_incomplete(client: Client) -> None:
     """RPC fragments, one of them lost."""
@@ -149,8 +133,7 @@ def rpc_fragments_incomplete(client: Client) -> None:
 
 @BOOK.scene(
     "the capture keeps 260 bytes of each frame: the response is there in part",
-    ("read", "ok"),
-    rules="DS106 DS725",
+    "read ok, DS106 DS725",
 )
 def snap_length(client: Client) -> None:
     """Frames cut by the snap length."""
@@ -159,7 +142,7 @@ def snap_length(client: Client) -> None:
     client.read(LONG_ANSWER)
 
 
-@BOOK.scene("a mirror port shows each frame twice, same IP id, 20 us apart", OK_READ)
+@BOOK.scene("a mirror port shows each frame twice, same IP id, 20 us apart", "read ok")
 def copies(client: Client) -> None:
     """Every frame captured twice."""
     client.stage.copies = 2
@@ -168,8 +151,7 @@ def copies(client: Client) -> None:
 
 @BOOK.scene(
     "no answer for 500 ms: the controller sends the Write again, the drive answers once",
-    OK_READ,
-    rules="DS103",
+    "read ok, DS103",
 )
 def retransmission(client: Client) -> None:
     """A Write sent again before its answer."""
@@ -182,8 +164,7 @@ def retransmission(client: Client) -> None:
 
 @BOOK.scene(
     "the answer was lost on the way: the same Write again half a second later, and its answer again",
-    OK_READ,
-    rules="DS103",
+    "read ok, DS103",
 )
 def retransmission_answered(client: Client) -> None:
     """A Write sent again after its answer."""
@@ -197,8 +178,7 @@ def retransmission_answered(client: Client) -> None:
 
 @BOOK.scene(
     "the Read is sent again half a second behind its response, and answered with what there is now",
-    OK_READ,
-    rules="DS103 DS111",
+    "read ok, DS103 DS111",
 )
 def second_response(client: Client) -> None:
     """A Read that the device executes twice."""
@@ -211,9 +191,7 @@ def second_response(client: Client) -> None:
 
 
 @BOOK.scene(
-    "the controller starts again: same activity, same sequence numbers, a new request",
-    OK_READ,
-    OK_READ,
+    "the controller starts again: same activity, same sequence numbers, a new request", "2 read ok"
 )
 def reused_numbers(client: Client) -> None:
     """Activity and sequence numbers used again after 59 s."""
@@ -223,7 +201,7 @@ def reused_numbers(client: Client) -> None:
     _speed(client, reference=2, value=1480.0)
 
 
-@BOOK.scene("ping and working PDUs between request and response", OK_READ)
+@BOOK.scene("ping and working PDUs between request and response", "read ok")
 def ping_working(client: Client) -> None:
     """A slow answer with ping and working."""
     call = client.ask_write(READ)
@@ -239,9 +217,7 @@ def _status(client: Client, code: int) -> bytes:
 
 @BOOK.scene(
     "the drive answers the Write with an RPC fault; the next attempt works",
-    ("read", "refused"),
-    OK_READ,
-    rules="DS104",
+    "read refused, read ok, DS104",
 )
 def fault(client: Client) -> None:
     """An RPC fault."""
@@ -252,9 +228,7 @@ def fault(client: Client) -> None:
 
 
 @BOOK.scene(
-    "the drive rejects the first Read, server too busy; the second one works",
-    OK_READ,
-    rules="DS104",
+    "the drive rejects the first Read, server too busy; the second one works", "read ok, DS104"
 )
 def reject(client: Client) -> None:
     """An RPC reject."""
@@ -266,9 +240,7 @@ def reject(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene(
-    "an RPC response to the Read without any body; the second Read works", OK_READ, rules="DS108"
-)
+@BOOK.scene("an RPC response to the Read without any body; the second Read works", "read ok, DS108")
 def empty_body(client: Client) -> None:
     """A response without a body."""
     client.write(READ)
@@ -277,7 +249,7 @@ def empty_body(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("the clock steps back by 2.5 s between two frames", OK_READ, rules="DS107")
+@BOOK.scene("the clock steps back by 2.5 s between two frames", "read ok, DS107")
 def time_back(client: Client) -> None:
     """Time steps backwards."""
     client.write(READ)
@@ -285,7 +257,7 @@ def time_back(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("the drive answers from port 49153 and is asked there", OK_READ, OK_READ)
+@BOOK.scene("the drive answers from port 49153 and is asked there", "2 read ok")
 def ephemeral_port(client: Client) -> None:
     """Answers from another port."""
     client.answer_port = 49153
@@ -295,8 +267,7 @@ def ephemeral_port(client: Client) -> None:
 
 @BOOK.scene(
     "the response to the Write was not captured; the Read proves that it was accepted",
-    OK_READ,
-    rules="DS101 DS725",
+    "read ok, DS101 DS725",
 )
 def write_unanswered(client: Client) -> None:
     """A Write response that is missing."""
@@ -304,9 +275,7 @@ def write_unanswered(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene(
-    "the capture starts after the Write request", ("read", "orphan"), rules="DS102 DS403 DS725"
-)
+@BOOK.scene("the capture starts after the Write request", "read orphan, DS102 DS403 DS725")
 def starts_late(client: Client) -> None:
     """Capture starts in the middle of a transaction."""
     client.stage.deaf = True
@@ -316,12 +285,7 @@ def starts_late(client: Client) -> None:
     client.read(ANSWER, at=client.at(index=0xB02F))
 
 
-@BOOK.scene(
-    "the capture ends after the Write response",
-    OK_READ,
-    ("read", "incomplete"),
-    rules="DS110 DS725",
-)
+@BOOK.scene("the capture ends after the Write response", "read ok, read incomplete, DS110 DS725")
 def ends_early(client: Client) -> None:
     """Capture ends in the middle of a transaction."""
     _speed(client)
@@ -330,9 +294,7 @@ def ends_early(client: Client) -> None:
 
 @BOOK.scene(
     "the last frame of the capture is a Write request",
-    OK_READ,
-    ("read", "incomplete"),
-    rules="DS101 DS110 DS725",
+    "read ok, read incomplete, DS101 DS110 DS725",
 )
 def ends_in_call(client: Client) -> None:
     """Capture ends in the middle of a call."""
@@ -342,7 +304,7 @@ def ends_in_call(client: Client) -> None:
 
 @BOOK.scene(
     "two controllers on one drive at the same time, same references and sequence numbers",
-    *[OK_READ] * 6,
+    "6 read ok",
 )
 def two_controllers(client: Client) -> None:
     """Two controllers, one drive."""
@@ -363,8 +325,7 @@ def two_controllers(client: Client) -> None:
 
 
 @BOOK.scene(
-    "two drives, two slots each, DO 2 and 3: all asked, then all read in another order",
-    *[OK_READ] * 4,
+    "two drives, two slots each, DO 2 and 3: all asked, then all read in another order", "4 read ok"
 )
 def many_channels(client: Client) -> None:
     """Several drives, slots and axes interleaved."""

@@ -22,11 +22,7 @@ class CatalogueEntry(NamedTuple):
 
 
 class Catalogue:
-    """Lists together; empty without any.
-
-    Args:
-        lists: in the order in which they were named.
-    """
+    """Lists together; empty without any. `lists`: in the order in which they were named."""
 
     def __init__(self, lists: Iterable[ParameterList] = ()) -> None:
         ordered = sorted(lists, key=lambda each: (_closeness(each), _version(each.firmware)))
@@ -59,13 +55,7 @@ class Catalogue:
     def row(
         self, number: int, vendor_id: int | None, device_id: int | None
     ) -> CatalogueEntry | None:
-        """What a parameter is on a device.
-
-        Args:
-            number: of the parameter.
-            vendor_id: PROFINET vendor id, None where it is not known.
-            device_id: PROFINET device id, None where it is not known.
-        """
+        """What a parameter is on a device; None for ids that are not known."""
         fitting = (each for each in self.entries(number) if fits(each.list, vendor_id, device_id))
         return next(fitting, None)
 
@@ -81,14 +71,7 @@ class Catalogue:
     def message(
         self, number: int, letter: str, vendor_id: int | None, device_id: int | None
     ) -> ListedMessage | None:
-        """The text of a message on a device: one with this letter before any other one of its number.
-
-        Args:
-            number: of the fault or alarm.
-            letter: "F" or "A".
-            vendor_id: PROFINET vendor id, None where it is not known.
-            device_id: PROFINET device id, None where it is not known.
-        """
+        """The text of a message on a device: one with this letter before any other one of its number."""
         fit = [each for each, found in self.messages(number) if fits(found, vendor_id, device_id)]
         return next((each for each in fit if each.letter == letter), next(iter(fit), None))
 

@@ -27,9 +27,7 @@ _USUAL: Final[Mapping[str, tuple[str, ...]]] = {
 def guessed(cells: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
     """Where the columns are, if a row of cells is one of headings; else nothing.
 
-    Args:
-        cells: the row.
-        named: key of COLUMNS -> heading, from the user; these must be there.
+    `named`: key of COLUMNS -> heading, from the user; these must be there.
     """
     headings = [_plain(cell) for cell in cells]
     found: dict[str, int] = {}

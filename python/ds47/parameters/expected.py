@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import operator
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -214,18 +215,11 @@ def _between(what: str, given: Mapping[str, tuple[str, float | None]]) -> Wanted
 def _same(value: float, format_name: str | None) -> Callable[[float], bool]:
     """What says whether a number is this value, as exactly as the format has it."""
     if isinstance(value, int):
-        return partial(_equal, value)
+        return partial(operator.eq, value)
     if format_name == "Float64":
         return partial(math.isclose, value, rel_tol=_FEW_DIGITS)
-    return partial(_equal_singles, _single(value))
-
-
-def _equal(one: float, other: float) -> bool:
-    return one == other
-
-
-def _equal_singles(one: float, other: float) -> bool:
-    return one == _single(other)
+    single = _single(value)
+    return lambda bound: single == _single(bound)
 
 
 def _single(number: float) -> float:

@@ -28,11 +28,7 @@ def folder() -> Path:
 
 
 def save(found: ParameterList) -> tuple[Path, bool]:
-    """Keeps a list under its name; where, and whether one of that name was replaced.
-
-    Raises:
-        ListError: the folder cannot be written.
-    """
+    """Keeps a list under its name; where, and whether one of that name was replaced."""
     from ds47.parameters.lists import ListError, write
 
     path = folder() / f"{file_name(found.name)}.toml"
@@ -58,22 +54,14 @@ def files() -> list[Path]:
 
 
 def kept() -> list[tuple[Path, ParameterList]]:
-    """All lists that are kept, in the order of `files`.
-
-    Raises:
-        ListError: one of them cannot be read.
-    """
+    """All lists that are kept, in the order of `files`. Raises ListError where one of them cannot be read."""
     from ds47.parameters.lists import read
 
     return [(path, read(path)) for path in files()]
 
 
 def remove(name: str) -> Path:
-    """Removes a list by its name, or that of its file.
-
-    Raises:
-        ListError: there is none, or it cannot be removed.
-    """
+    """Removes a list by its name, or that of its file."""
     from ds47.parameters.lists import ListError
 
     for path, found in kept():

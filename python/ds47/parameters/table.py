@@ -21,11 +21,7 @@ _ESCAPES: Final = str.maketrans({"\\": "\\\\", "\t": "\\t", "\n": "\\n", "\r": "
 
 
 def text(lists: Iterable[ParameterList]) -> str:
-    """Lists as the text of such a file.
-
-    Args:
-        lists: in the order in which they were named.
-    """
+    """Lists as the text of such a file. `lists`: in the order in which they were named."""
     return "".join(f"{line}\n" for line in _lines(Catalogue(lists)))
 
 

@@ -22,12 +22,7 @@ class ExchangeListener(NamedTuple):
 
 
 class BusTracker:
-    """One line of PROFIBUS.
-
-    Args:
-        listeners: hear of the exchanges, one after the other.
-        heard: gets each frame, and whether the recording has only a part of it.
-    """
+    """One line of PROFIBUS."""
 
     def __init__(
         self,

@@ -150,10 +150,9 @@ Content = SlaveDiagnosis | Parameters | Configuration | Control | DataExchange
 
 
 def service(item: Telegram) -> str | None:
-    """Which service of DP a frame belongs to (docs/profibus.md 3).
+    """Which service of DP a frame belongs to (docs/profibus.md 3): an id of `spec.profibus.services()`, or "ms2".
 
-    Returns:
-        An id of `spec.profibus.services()`, "ms2", or None where the SAPs stand for none.
+    None where the SAPs stand for none.
     """
     return item.front.service
 
@@ -178,7 +177,7 @@ def decode(item: Telegram) -> Content | None:
     if (name == CONFIGURATION and item.request) or (name == GET_CONFIGURATION and not item.request):
         return configuration(item.du)
     if name == CONTROL and item.request:
-        return _control(item.du)
+        return Control(_flags(CONTROL, item.du), _byte(item.du, 1), _too_short(item.du, 2))
     return None
 
 
@@ -221,10 +220,6 @@ def _parameters(data: bytes) -> Parameters:
         watchdog = base * data[1] * data[2]
     tsdr, ident, groups = _byte(data, 3), _word(data, 4), _byte(data, 6)
     return Parameters(flags, watchdog, tsdr, ident, groups, data[7:], _too_short(data, 7))
-
-
-def _control(data: bytes) -> Control:
-    return Control(_flags(CONTROL, data), _byte(data, 1), _too_short(data, 2))
 
 
 def configuration(data: bytes) -> Configuration:

@@ -53,8 +53,7 @@ def _remark(rule: str, counted: Counted, **args: Any) -> Remark:
 class LineJudge:
     """Hears what stations say, and what becomes of records.
 
-    Args:
-        bounds: how much is too much, and how many things are kept apart.
+    `bounds`: how much is too much, and how many things are kept apart.
     """
 
     def __init__(self, bounds: Limits) -> None:

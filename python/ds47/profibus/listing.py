@@ -86,8 +86,7 @@ def read(lines: Iterable[str]) -> Iterator[LogEntry | Unread]:
 
     Empty lines and those that begin with # say nothing. The first other line may be the head of a CSV.
 
-    Args:
-        lines: with or without their ends.
+    `lines`: with or without their ends.
     """
     columns: _Columns | None = None
     first = True

@@ -177,8 +177,7 @@ class LineStation:
 class LineStations:
     """Takes the frames and the exchanges of a line.
 
-    Args:
-        heard: gets each exchange with an answer, and its station before the exchange counts there.
+    `heard`: gets each exchange with an answer, and its station before the exchange counts there.
     """
 
     def __init__(self, heard: Callable[[LineStation, Exchange, LineFrame], None]) -> None:
@@ -223,10 +222,8 @@ class LineStations:
     def result(self, stray: int, echoes: int, timed: bool) -> Bus | None:
         """The line in the form of the report; None without frames.
 
-        Args:
-            stray: answers without a request.
-            echoes: stray answers directly after the same answer.
-            timed: whether the recording has times.
+        `stray`: answers without a request, `echoes` those directly after the same answer. `timed`: whether
+        there are times.
         """
         if not self.frames:
             return None
@@ -236,12 +233,7 @@ class LineStations:
         return Bus(self.frames, self.tokens, damaged, stray, stations)
 
     def frame(self, seen: LineFrame, cut: bool) -> None:
-        """A frame, before what it belongs to is known.
-
-        Args:
-            seen: the frame.
-            cut: whether the recording did not keep all of it; that is no fault of the line.
-        """
+        """A frame, before what it belongs to is known; that the recording cut it is no fault of the line."""
         self.frames += 1
         self.cut = self.cut or cut
         item, front = seen.item, seen.item.front

@@ -46,8 +46,7 @@ class LinePiece:
 class TelegramReader:
     """Takes bytes as they come, and gives their frames.
 
-    Args:
-        border: whether a frame begins with the first byte; a recording that someone started does not know.
+    `border`: whether a frame begins with the first byte; a recording that someone started does not know.
     """
 
     def __init__(self, border: bool = True) -> None:
@@ -138,9 +137,7 @@ class TelegramReader:
 def split(data: bytes, border: bool = True) -> list[LinePiece]:
     """The frames of bytes that are all there, and what stands between them (docs/profibus.md 1).
 
-    Args:
-        data: any bytes.
-        border: whether a frame begins with the first one.
+    `border`: whether a frame begins with the first one.
     """
     reader = TelegramReader(border)
     return [*reader.feed(data), *reader.finish()]
@@ -162,10 +159,7 @@ def _begins(data: bytes, at: int) -> bool:
 def _proved(data: bytes, at: int, kind: str | None = None) -> int:
     """The bytes of the frame that begins here, where check byte and end byte are right; else 0.
 
-    Args:
-        data: all bytes.
-        at: where the frame begins.
-        kind: what to take its first byte for; None takes it as it is.
+    `kind`: what to take its first byte for; None takes it as it is.
     """
     first = data[at : at + 1] if kind is None else bytes((_code(kind),))
     head = first + data[at + 1 : at + 4]

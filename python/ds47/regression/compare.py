@@ -37,7 +37,7 @@ KINDS = (
 """What a change can be about."""
 
 _FLOATS = ("Float32", "Float64")
-_STATE = ("state",)
+_EVENT = ("name", "word", "before", "after", "state")
 _SAID = (
     "operation",
     "request_reference",
@@ -98,15 +98,7 @@ class Change:
 def compare(
     stored: Json, now: Json, config: Config, capture: Path, lang: str = "en"
 ) -> list[Change]:
-    """All changes, in the order of the transactions of the present result.
-
-    Args:
-        stored: the stored capture object.
-        now: the present one.
-        config: tolerances, masks and known findings.
-        capture: the file, for the patterns of the configuration.
-        lang: language of the texts, "en" or "zh".
-    """
+    """All changes, in the order of the transactions of the present result."""
     return list(Comparison(stored, now, config, capture, lang).changes())
 
 
@@ -222,9 +214,9 @@ class Comparison:
         s7 = new.get("channel") == S7
         said = tuple(key for key in _SAID if key not in _COUNTED) if s7 else _SAID
         recorded = _RECORDED + (_COUNTED if s7 else ())
-        for key in _STATE + said + (recorded if self.same_file else ()):
+        for key in ("state", *said, *(recorded if self.same_file else ())):
             if key in old and old[key] != new.get(key):  # an older result has not all keys
-                kind = "state" if key in _STATE else "field"
+                kind = "state" if key == "state" else "field"
                 yield self._field(kind, where, (key,), old, new, **about)
         if not self._duration_fits(old.get("duration_ms"), new.get("duration_ms")):
             yield self._field("timing", where, ("duration_ms",), old, new, **about)
@@ -402,7 +394,7 @@ class Comparison:
     def _findings(self) -> Iterator[Change]:
         """A finding is known by its rule and its transaction; in the same file by all it says."""
         stored_as = {new: old for old, new in self.pairs if new is not None}
-        olds = Counter(self._finding_keys(self._old, None))
+        olds = Counter([key for key, _ in self._keyed(self._old, None)])
         for key, finding in self._keyed(self._new, stored_as):
             if olds[key] > 0:
                 olds[key] -= 1
@@ -414,9 +406,6 @@ class Comparison:
             if olds[key] > 0:
                 olds[key] -= 1
                 yield self._finding("finding_gone", finding, self._olds, self._old_frames)
-
-    def _finding_keys(self, result: Json, stored_as: dict[int, int | None] | None) -> list[Any]:
-        return [key for key, _ in self._keyed(result, stored_as)]
 
     def _keyed(
         self, result: Json, stored_as: dict[int, int | None] | None
@@ -492,14 +481,7 @@ def _timelines(result: Json, same_file: bool) -> dict[str, list[tuple[Any, ...]]
         drive = f"{relation['device']} slot {relation['slot']}.{relation['subslot']}"
         telegrams = relation["telegrams"] if same_file else None
         found.setdefault(drive, []).extend(
-            (
-                event["name"],
-                event["word"],
-                event["before"],
-                event["after"],
-                event["state"],
-                *((event["frame"], telegrams) if same_file else ()),
-            )
+            (*(event[key] for key in _EVENT), *((event["frame"], telegrams) if same_file else ()))
             for event in each["events"]
         )
     return found

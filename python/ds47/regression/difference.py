@@ -16,17 +16,8 @@ from statistics import median
 from typing import Final, NamedTuple
 
 from ds47.model import S7
+from ds47.regression import elements
 from ds47.regression.chance import SIGNIFICANT, fisher, mann_whitney
-from ds47.regression.elements import (
-    OPERATIONS,
-    VALUE,
-    CaptureElements,
-    ElementKey,
-    History,
-    Outcomes,
-    equal,
-    shown,
-)
 from ds47.regression.places import Json, Place, Places
 
 _FEW = 8
@@ -61,11 +52,11 @@ _PROFIBUS: Final = "dp"
 class ElementDifference(NamedTuple):
     """The reads, the changes, or the last value of one element in both captures; None for a capture without."""
 
-    element: ElementKey
+    element: elements.ElementKey
     operation: str
     result: str
-    a: Outcomes | None
-    b: Outcomes | None
+    a: elements.Outcomes | None
+    b: elements.Outcomes | None
     name: str | None
     unit: str | None
     family: str | None = None
@@ -168,7 +159,9 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     drives = _without_s7(a), _without_s7(b)
     called = _devices(*drives)
     places = Places(drives, called)
-    sides = [shown(capture, name, places) for capture, name in zip(drives, called, strict=True)]
+    sides = [
+        elements.shown(capture, name, places) for capture, name in zip(drives, called, strict=True)
+    ]
     result = Difference(names)
     result.rows = list(_rows(sides[0], sides[1], places))
     result.starts = _start(drives[0]), _start(drives[1])
@@ -254,19 +247,21 @@ def _unique(stations: Mapping[str, str | None]) -> dict[str, str]:
     return {ip: (often[name] == 1 and name) or ip for ip, name in stations.items()}
 
 
-def _family(*sides: History | None) -> str | None:
+def _family(*sides: elements.History | None) -> str | None:
     """The family of parameters of the drive: a maker's family if either side shows one."""
     known = {each.family for each in sides if each is not None}
     return next(iter(known - {"profile"}), "profile")
 
 
-def _rows(a: CaptureElements, b: CaptureElements, places: Places) -> Iterator[ElementDifference]:
+def _rows(
+    a: elements.CaptureElements, b: elements.CaptureElements, places: Places
+) -> Iterator[ElementDifference]:
     near = _near(a), _near(b)
     for element in sorted(a.elements.keys() | b.elements.keys(), key=_sort_key):
         mine, theirs = a.elements.get(element), b.elements.get(element)
         name, unit = _about(mine, theirs)
         family = _family(mine, theirs)
-        for operation in OPERATIONS:
+        for operation in elements.OPERATIONS:
             one = None if mine is None else mine.of(operation)
             other = None if theirs is None else theirs.of(operation)
             if one is None and other is None:
@@ -281,7 +276,7 @@ def _rows(a: CaptureElements, b: CaptureElements, places: Places) -> Iterator[El
             yield ElementDifference(element, operation, result, one, other, name, unit, family)
 
 
-def compare(a: Outcomes, b: Outcomes) -> str:
+def compare(a: elements.Outcomes, b: elements.Outcomes) -> str:
     """SAME, DIFFERENT, SOMETIMES, OTHER_REQUESTS or OPEN, for the reads or changes of an element."""
     if not equal_last(a, b):
         return DIFFERENT
@@ -295,16 +290,16 @@ def compare(a: Outcomes, b: Outcomes) -> str:
     return OTHER_REQUESTS if all(one.keys() == other.keys() for one, other in shared) else SOMETIMES
 
 
-def equal_last(a: Outcomes, b: Outcomes) -> bool:
+def equal_last(a: elements.Outcomes, b: elements.Outcomes) -> bool:
     """Whether the last values are the same; True if a capture has none."""
-    return not (a.values and b.values) or equal(a.last, a.format, b.last, b.format)
+    return not (a.values and b.values) or elements.equal(a.last, a.format, b.last, b.format)
 
 
 Pair = tuple[Counter[object], Counter[object]]
 """The kinds of outcome of one request, counted, in A and in B."""
 
 
-def shared_requests(a: Outcomes, b: Outcomes) -> list[Pair]:
+def shared_requests(a: elements.Outcomes, b: elements.Outcomes) -> list[Pair]:
     """The requests that both captures show, with their outcomes."""
     shared = [each for each in a.of_requests if each in b.of_requests]
     return [(a.of_requests[each], b.of_requests[each]) for each in shared]
@@ -317,7 +312,7 @@ def turned(pair: Pair) -> bool:
     chance explains.
     """
     one, other = pair
-    if one[VALUE] and other[VALUE]:
+    if one[elements.VALUE] and other[elements.VALUE]:
         return fails_otherwise(pair)
     return one.keys() != other.keys()
 
@@ -325,18 +320,18 @@ def turned(pair: Pair) -> bool:
 def fails_otherwise(pair: Pair) -> bool:
     """Whether a request fails more often in one capture than chance explains."""
     (failed, passed), (failed_too, passed_too) = (
-        (each.total() - each[VALUE], each[VALUE]) for each in pair
+        (each.total() - each[elements.VALUE], each[elements.VALUE]) for each in pair
     )
     return fisher(failed, passed, failed_too, passed_too) <= SIGNIFICANT
 
 
-def _one_sided(element: ElementKey, asked: Iterable[Place], places: Places) -> str:
+def _one_sided(element: elements.ElementKey, asked: Iterable[Place], places: Places) -> str:
     """ONLY or OTHER_WAY; `asked` are the places where the other capture asked for the same PNU and subindex."""
     unclear = any(not places.are_different(place, element.place) for place in asked)
     return OTHER_WAY if unclear else ONLY
 
 
-def _near(side: CaptureElements) -> Mapping[tuple[int, int], list[Place]]:
+def _near(side: elements.CaptureElements) -> Mapping[tuple[int, int], list[Place]]:
     """The places at which a capture asked for a PNU and subindex."""
     found = defaultdict[tuple[int, int], list[Place]](list)
     for element in side.elements:
@@ -344,14 +339,14 @@ def _near(side: CaptureElements) -> Mapping[tuple[int, int], list[Place]]:
     return found
 
 
-def _about(*histories: History | None) -> tuple[str | None, str | None]:
+def _about(*histories: elements.History | None) -> tuple[str | None, str | None]:
     """Name and unit of an element from either capture."""
     known = [each for each in histories if each is not None]
     name = next((each.name for each in known if each.name), None)
     return name, next((each.unit for each in known if each.unit), None)
 
 
-def _sort_key(element: ElementKey) -> tuple[object, ...]:
+def _sort_key(element: elements.ElementKey) -> tuple[object, ...]:
     return *element.place.sort_key, element.pnu, element.subindex
 
 

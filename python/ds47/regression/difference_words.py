@@ -12,9 +12,8 @@ from typing import NamedTuple
 from ds47 import spec
 from ds47.profidrive.elements import is_whole
 from ds47.profidrive.naming import spelling
-from ds47.regression import conclusions as concluded
 from ds47.regression import difference as kinds
-from ds47.regression.conclusions import Conclusion, failures, shares
+from ds47.regression.conclusions import KINDS, Conclusion, failures, shares
 from ds47.regression.difference import Difference, ElementDifference, Faults, LatencyDifference
 from ds47.regression.elements import Outcomes
 from ds47.regression.places import Place
@@ -23,35 +22,19 @@ from ds47.report.formatting import escape, values
 from ds47.report.sentences import slot_number
 from ds47.spec import error_hex
 
-_REST = (
-    (kinds.ONLY, "diff_only"),
-    (kinds.OTHER_OPERATION, "diff_operation"),
-    (kinds.OTHER_WAY, "diff_way"),
-    (kinds.OPEN, "diff_open"),
-)
-"""What was not compared, and its heading."""
+_DIFFERENT = {
+    kinds.DIFFERENT: "diff_parameters", kinds.OTHER_REQUESTS: "diff_requests",
+    kinds.SOMETIMES: "diff_sometimes",
+}  # fmt: skip
+_REST = {
+    kinds.ONLY: "diff_only", kinds.OTHER_OPERATION: "diff_operation", kinds.OTHER_WAY: "diff_way",
+    kinds.OPEN: "diff_open",
+}  # fmt: skip
+"""What differs, and what was not compared, with its heading."""
 CONCLUSIONS = 12
 """Conclusions that text and page open with; the others are counted."""
 _NAMED = 3
 """Parameters that a conclusion names, and drives of a side that has none of the other."""
-_CONCLUDED = {
-    concluded.CHANGE_FAILS: "diff_change_fails",
-    concluded.READ_FAILS: "diff_read_fails",
-    concluded.FAULTS: "diff_faults",
-    concluded.MORE_FAIL: "diff_more_fail",
-    concluded.SLOWER: "diff_is_slower",
-    concluded.VALUES: "diff_other_values",
-    concluded.LAST_VALUES: "diff_other_last",
-    concluded.WRITTEN: "diff_other_written",
-    concluded.ERRORS: "diff_other_errors",
-    concluded.CHANGE_WORKS: "diff_change_works",
-    concluded.READ_WORKS: "diff_read_works",
-    concluded.FEWER_FAULTS: "diff_faults",
-    concluded.FEWER_FAIL: "diff_fewer_fail",
-    concluded.QUICKER: "diff_is_quicker",
-    concluded.CHANGING: "diff_changing",
-}
-"""What a conclusion says, by its kind."""
 _VALUES = {
     "read": ("diff_read", "diff_read_several"),
     "change": ("diff_change", "diff_change_several"),
@@ -97,21 +80,21 @@ def conclusion_text(each: Conclusion, found: Difference) -> Both:
     """A conclusion in a line: `press-1 DO 2: a read that brought a value in A fails in B: p2900[0] (..)`."""
     if each.faults is not None:
         return say(
-            _CONCLUDED[each.kind],
+            KINDS[each.kind][1],
             place=_submodule(each.faults),
             counts=f"{each.faults.a:,} -> {each.faults.b:,}",
         )
     if each.latency is not None:
         was, now = each.latency.medians
         return say(
-            _CONCLUDED[each.kind],
+            KINDS[each.kind][1],
             place=escape(each.latency.device),
             operation=operation(each.latency.operation),
             medians=f"{was:.1f} -> {now:.1f}",
             p=f"{each.latency.probability:.2g}",
         )
     return say(
-        _CONCLUDED[each.kind],
+        KINDS[each.kind][1],
         place=place_text(each.place),
         operation=asked(each.rows[0].operation),
         parameters=_named(each, found),
@@ -135,11 +118,10 @@ def _named(each: Conclusion, found: Difference) -> Both:
 def _brief(run: ElementRun, kind: str, found: Difference) -> Both:
     """`p2900[0] 10.0 -> 12.0`, `p2900[0] (0x11 ...)`, `p2900[0..3] 1 of 27 -> 9 of 12`."""
     name = element_text(run)
-    values_differ = (concluded.VALUES, concluded.LAST_VALUES, concluded.WRITTEN, concluded.CHANGING)
-    if kind in values_differ:
+    if kind in ("values", "last-values", "written", "changing"):
         sides = [_last(run, side) for side in ("a", "b")]
         return Both(*(f"{name} {was} -> {now}" for was, now in zip(*sides, strict=True)))
-    if kind in (concluded.MORE_FAIL, concluded.FEWER_FAIL):
+    if kind in ("more-fail", "fewer-fail"):
         return Both.same(f"{name} {' -> '.join(f'{n:,}/{of:,}' for n, of in shares(run.first))}")
     failed = (_failure(each, run, found) for each in failures(run.first, kind))
     return Both.same(f"{name} ({', '.join(failed)})")
@@ -154,18 +136,15 @@ def _failure(kind: object, run: ElementRun, found: Difference) -> str:
 
 def sections(found: Difference) -> list[Section]:
     """What differs, asked for by the same requests and by others; where there is something."""
-    headings = (
-        (kinds.DIFFERENT, "diff_parameters"),
-        (kinds.OTHER_REQUESTS, "diff_requests"),
-        (kinds.SOMETIMES, "diff_sometimes"),
-    )
-    all_ = [Section(say(title), runs(found.of(kind))) for kind, title in headings]
-    return [section for section in all_ if section.runs]
+    return _sections(found, _DIFFERENT)
 
 
 def rest(found: Difference) -> list[Section]:
     """What was not compared."""
-    headings = dict(_REST) | ({kinds.OPEN: "diff_no_value"} if found.of_last_values else {})
+    return _sections(found, _REST | ({kinds.OPEN: "diff_no_value"} if found.of_last_values else {}))
+
+
+def _sections(found: Difference, headings: dict[str, str]) -> list[Section]:
     all_ = [Section(say(title), runs(found.of(kind))) for kind, title in headings.items()]
     return [section for section in all_ if section.runs]
 
@@ -173,7 +152,10 @@ def rest(found: Difference) -> list[Section]:
 def rest_text(section: Section) -> Both:
     """How much of it there is: `12 elements in A, 3 elements in B`."""
     rows = [row for run in section.runs for row in run.rows]
-    sides = [{row.element for row in rows if side(row)} for side in (_in_a, _in_b)]
+    sides = [
+        {row.element for row in rows if row.a is not None},
+        {row.element for row in rows if row.b is not None},
+    ]
     if sides[0] == sides[1]:
         return say("diff_elements", n=len(sides[0]))
     counts = (("diff_in_a", len(sides[0])), ("diff_in_b", len(sides[1])))
@@ -186,14 +168,6 @@ def notes(found: Difference) -> list[Both]:
         return []
     sides = zip("AB", found.unknown, strict=True)
     return [say("diff_unknown", capture=name, n=count) for name, count in sides if count]
-
-
-def _in_a(row: ElementDifference) -> bool:
-    return row.a is not None
-
-
-def _in_b(row: ElementDifference) -> bool:
-    return row.b is not None
 
 
 def runs(

@@ -11,7 +11,8 @@ from statistics import median
 from typing import Any
 
 from ds47 import spec
-from ds47.regression.compare import Change, Json
+from ds47.regression.compare import Json
+from ds47.regression.run import CheckOutcome
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.table import table
 
@@ -43,37 +44,22 @@ class Summary:
             for key in ("pnu", "attribute", "format", "error", "rule", "operation", "state")
         }
 
-    def add(
-        self,
-        label: str,
-        now: Json,
-        changes: list[Change],
-        *,
-        failed: bool,
-        stored: Json | None = None,
-        pairs: list[tuple[int | None, int | None]] | None = None,
-    ) -> None:
-        """Takes one capture.
-
-        Args:
-            label: its label.
-            now: its present capture object.
-            changes: what is not as it was stored.
-            failed: whether the check failed for it.
-            stored: its stored capture object, where there is one.
-            pairs: which transaction is which.
-        """
-        row = self.labels[label]
+    def add(self, outcome: CheckOutcome) -> None:
+        """Takes one capture, where it could be read."""
+        now, stored = outcome.now, outcome.stored
+        if now is None:
+            return
+        row = self.labels[outcome.label]
         row.captures += 1
-        row.changed += bool(changes)
-        row.failed += failed
-        for change in changes:
+        row.changed += bool(outcome.changes)
+        row.failed += outcome.failed
+        for change in outcome.changes:
             row.changes[change.kind] += 1
             if change.kind == "finding_new" and change.rule:
                 row.findings_new[change.rule] += 1
             elif change.kind == "finding_gone" and change.rule:
                 row.findings_gone[change.rule] += 1
-        for old, new in pairs or ():
+        for old, new in outcome.pairs:
             if stored is not None and old is not None and new is not None:
                 before = stored["transactions"][old]["duration_ms"]
                 after = now["transactions"][new]["duration_ms"]

@@ -162,13 +162,8 @@ def _values(values: list[Value], format_name: str | None) -> str:
     if not values:
         return ""
     if len(values) > 1:
-        return _cell(_array(values))
+        return _cell(json.visible(json.list_text(values)))
     value = values[0]
     if isinstance(value, str):
         return _cell(guarded(value) if is_text(format_name) else value)
     return str(value)
-
-
-def _array(values: list[Value]) -> str:
-    """Several values as JSON; an escape in it is one of JSON."""
-    return json.visible(json.list_text(values))

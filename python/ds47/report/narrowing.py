@@ -29,13 +29,7 @@ from ds47.report.selection import Selection, Wanted
 
 
 def narrowed(result: CaptureResult, selection: Selection, criteria: str) -> CaptureResult:
-    """The part of a complete result that is wanted.
-
-    Args:
-        result: of the whole capture.
-        selection: what is wanted.
-        criteria: the same in words, as options of the command line.
-    """
+    """The part of a complete result that is wanted."""
     wanted = Wanted(result, selection)
     transactions, unproved = [], 0
     for item in result.transactions:

@@ -10,28 +10,16 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any, NamedTuple
 
+from ds47.s7 import model
 from ds47.s7.addresses import text
 from ds47.s7.consistency import ItemAccess
-from ds47.s7.model import (
-    DB,
-    DONE,
-    ELEMENTS,
-    GET,
-    INCOMPLETE,
-    OK,
-    PUT,
-    UNANSWERED,
-    S7Address,
-    S7Item,
-    S7Job,
-)
 from ds47.spec import s7
 
 BITS = 0x83
 INSTANCE = 0x85
 TOO_LONG = 0x8500
 """Error class and code of a job whose PDU, or that of its answer, is too long."""
-MEMORIES = (BITS, DB, INSTANCE)
+MEMORIES = (BITS, model.DB, INSTANCE)
 """Areas that keep what is written; the process image and the peripherals do not."""
 MOST = 1 << 16
 """Bytes of a memory: addresses behind it are looked at no more."""
@@ -45,17 +33,19 @@ EVEN = 3
 
 def byte_text(area: int, db: int, at: int) -> str:
     """One byte as text: DB1.DBB7."""
-    return text(S7Address(area, db, 8 * at, 8, 1))
+    return text(model.S7Address(area, db, 8 * at, 8, 1))
 
 
-def joined(addresses: Sequence[S7Address]) -> S7Address:
+def joined(addresses: Sequence[model.S7Address]) -> model.S7Address:
     """One address for consecutive areas, each beginning where the previous one ends."""
     first = addresses[0]
-    if first.area in ELEMENTS:
-        return S7Address(
+    if first.area in model.ELEMENTS:
+        return model.S7Address(
             first.area, first.db, first.start, first.size, sum(a.count for a in addresses)
         )
-    return S7Address(first.area, first.db, first.start, 8, sum(each.length for each in addresses))
+    return model.S7Address(
+        first.area, first.db, first.start, 8, sum(each.length for each in addresses)
+    )
 
 
 # Accesses
@@ -63,10 +53,10 @@ def joined(addresses: Sequence[S7Address]) -> S7Address:
 
 def numbered(area: int) -> int:
     """Instance data blocks are data blocks."""
-    return DB if area == INSTANCE else area
+    return model.DB if area == INSTANCE else area
 
 
-def is_clear(job: S7Job) -> bool:
+def is_clear(job: model.S7Job) -> bool:
     """Whether it is known which bytes a PUT writes."""
     return all(
         each.address is not None and each.address.size > 0
@@ -75,13 +65,8 @@ def is_clear(job: S7Job) -> bool:
     )  # fmt: skip
 
 
-def accesses(job: S7Job, first: int) -> list[ItemAccess]:
-    """What a GET or PUT with a request does to memories that keep what is written.
-
-    Args:
-        job: with its answer, or still without one.
-        first: the number of the first access.
-    """
+def accesses(job: model.S7Job, first: int) -> list[ItemAccess]:
+    """What a GET or PUT with a request does to memories that keep what is written."""
     found: list[ItemAccess] = []
     for number, item in enumerate(job.items, first):
         address = item.address
@@ -92,8 +77,10 @@ def accesses(job: S7Job, first: int) -> list[ItemAccess]:
     return found
 
 
-def _access(job: S7Job, item: S7Item, address: S7Address, number: int) -> ItemAccess | None:
-    write, done = job.operation == PUT, item.code == DONE and job.answered is not None
+def _access(
+    job: model.S7Job, item: model.S7Item, address: model.S7Address, number: int
+) -> ItemAccess | None:
+    write, done = job.operation == model.PUT, item.code == model.DONE and job.answered is not None
     whole = address.size >= 8 and address.start % 8 == 0
     if job.asked is None or item.value is None or not (write or (done and whole)):
         return None
@@ -119,7 +106,7 @@ def _access(job: S7Job, item: S7Item, address: S7Address, number: int) -> ItemAc
 class AreaPart(NamedTuple):
     """A job that is a part of a larger area."""
 
-    job: S7Job
+    job: model.S7Job
     first: int
     """The number of its first access."""
 
@@ -131,7 +118,7 @@ class SplitArea:
     parts: list[AreaPart]
 
     @property
-    def address(self) -> S7Address:
+    def address(self) -> model.S7Address:
         """All of it."""
         return joined([each for part in self.parts if (each := self._item(part).address)])
 
@@ -144,7 +131,7 @@ class SplitArea:
             found += [each for each in accesses(part.job, part.first) if each.order == number]
         return found
 
-    def _item(self, part: AreaPart) -> S7Item:
+    def _item(self, part: AreaPart) -> model.S7Item:
         """The item of a part that belongs to the area: the one at its border."""
         return part.job.items[-1 if part is self.parts[0] else 0]
 
@@ -176,14 +163,14 @@ class Splits:
         self._parts = [part]
         return found
 
-    def over(self, job: S7Job) -> SplitArea | None:
+    def over(self, job: model.S7Job) -> SplitArea | None:
         """A job is over; returns its area if it is the last part, as it does not fill its PDU."""
         parts = self._parts
         if not any(each.job is job for each in parts):
             return None
         if self._halves:
             return None if any(each.job.phase == "open" for each in parts) else self.finish()
-        if parts[-1].job is not job or (job.state == OK and (fills(job) or _are_even(parts))):
+        if parts[-1].job is not job or (job.state == model.OK and (fills(job) or _are_even(parts))):
             return None
         return self.finish()
 
@@ -191,12 +178,12 @@ class Splits:
         """Nothing more comes."""
         parts, self._parts = self._parts, []
         halves, self._halves = self._halves, False
-        if len(parts) < 2 or any(each.job.state != OK for each in parts):
+        if len(parts) < 2 or any(each.job.state != model.OK for each in parts):
             return None
         full = all(fills(each.job) for each in parts[:-1])
         return SplitArea(parts) if halves or full or len(parts) >= EVEN else None
 
-    def _continues(self, job: S7Job) -> bool:
+    def _continues(self, job: model.S7Job) -> bool:
         """Whether a job begins where the one before ends, and that one filled its PDU, or all have one length."""
         last = self._parts[-1].job
         if self._halves or job.operation != last.operation or not job.items or not last.items:
@@ -207,8 +194,8 @@ class Splits:
         even = behind.length <= before.length and len(job.items) == 1 and _are_even(self._parts)
         if not (fills(last) or (even and last.answered is not None)):
             return False
-        unsettled = last.state in (UNANSWERED, INCOMPLETE) and last.phase == "open"
-        if last.state != OK and not unsettled:
+        unsettled = last.state in (model.UNANSWERED, model.INCOMPLETE) and last.phase == "open"
+        if last.state != model.OK and not unsettled:
             return False
         if len(self._parts) > 1 and len(last.items) > 1:
             return False
@@ -217,7 +204,7 @@ class Splits:
             return False
         if not before.size:
             return False
-        if behind.area not in ELEMENTS and behind.end > 8 * MOST:
+        if behind.area not in model.ELEMENTS and behind.end > 8 * MOST:
             return False
         return before.area == behind.area and before.db == behind.db
 
@@ -237,24 +224,24 @@ def _start(part: AreaPart) -> int:
     return 0 if address is None else address.start
 
 
-def _are_halves(one: S7Job, two: S7Job) -> bool:
+def _are_halves(one: model.S7Job, two: model.S7Job) -> bool:
     """Whether two jobs, the first of them still open, are for two halves of an area: equal but for one byte."""
     if one.phase != "open" or one.operation != two.operation:
         return False
     if len(one.items) != 1 or len(two.items) != 1:
         return False
     a, b = one.items[0].address, two.items[0].address
-    if a is None or b is None or (a.area, a.db) != (b.area, b.db) or a.area in ELEMENTS:
+    if a is None or b is None or (a.area, a.db) != (b.area, b.db) or a.area in model.ELEMENTS:
         return False
     if min(a.length, b.length) <= WIDEST:
         return False
     return abs(a.length - b.length) <= 1 and (a.end == b.start or b.end == a.start)
 
 
-def fills(job: S7Job) -> bool:
+def fills(job: model.S7Job) -> bool:
     """Whether a job has so much data that its PDU has no room for more; never without the setup."""
     length, items, size = job.connection.pdu_length, job.items, 0
-    if length is None or job.operation not in (GET, PUT) or not items:
+    if length is None or job.operation not in (model.GET, model.PUT) or not items:
         return False
     for each in items:
         if each.address is not None:
@@ -263,7 +250,7 @@ def fills(job: S7Job) -> bool:
     return room > 0 and 100 * size >= FULL * room
 
 
-def too_long(job: S7Job) -> dict[str, Any]:
+def too_long(job: model.S7Job) -> dict[str, Any]:
     """Why a job, or its answer, has no room in a PDU, and what of it has (docs/s7.md 3).
 
     Returns:

@@ -56,14 +56,7 @@ class _Line:
 
 
 class Connections:
-    """All connections of a capture.
-
-    Args:
-        ports: of servers.
-        bounds: how much is kept.
-        over: gets each finished job, after the listener.
-        listener: hears of what happens.
-    """
+    """All connections of a capture."""
 
     def __init__(
         self,

@@ -9,54 +9,35 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 
+from ds47.s7 import model
 from ds47.s7 import pdu as pdus
-from ds47.s7.model import (
-    DONE,
-    ERROR,
-    GET,
-    INCOMPLETE,
-    OK,
-    ORPHAN,
-    PARTIAL,
-    PUT,
-    REFUSED,
-    UNANSWERED,
-    At,
-    S7Connection,
-    S7Item,
-    S7Job,
-)
 from ds47.s7.pdu import READ, WRITE, S7Pdu
 from ds47.spec.semantics import Limits
 
-OPERATIONS = {READ: GET, WRITE: PUT}
+OPERATIONS = {READ: model.GET, WRITE: model.PUT}
 _Key = tuple[int, bool, int]
 """Number of the connection, whether its client asks, reference."""
-Hear = Callable[[S7Job], None]
+Hear = Callable[[model.S7Job], None]
 
 
 class Jobs:
-    """The open jobs of all connections.
-
-    Args:
-        bounds: how many may be open, how long, and how many bytes they may take.
-        asked: gets each job at its request.
-        over: gets each finished job.
-    """
+    """The open jobs of all connections."""
 
     def __init__(self, bounds: Limits, asked: Hear, over: Hear) -> None:
         self._bounds = bounds
         self._asked = asked
         self._over = over
-        self._open: OrderedDict[_Key, S7Job] = OrderedDict()
+        self._open: OrderedDict[_Key, model.S7Job] = OrderedDict()
         """In the order in which they were asked."""
         self._count: dict[tuple[int, bool], int] = {}
         self._bytes = 0
 
-    def asked(self, connection: S7Connection, from_client: bool, pdu: S7Pdu, at: At) -> None:
+    def asked(
+        self, connection: model.S7Connection, from_client: bool, pdu: S7Pdu, at: model.At
+    ) -> None:
         """A read or a write."""
         found = pdus.variables(pdu)
-        job = S7Job(
+        job = model.S7Job(
             OPERATIONS[pdu.parameter[0]], connection, from_client, pdu.reference, at, found.items,
             request=pdu.data, groups=found.groups, flaws=pdu.flaws,
             frames=pdu.frames,
@@ -77,7 +58,9 @@ class Jobs:
         while self._bytes > self._bounds.s7_bytes:
             self._give_up(next(iter(self._open)))
 
-    def answered(self, connection: S7Connection, from_client: bool, pdu: S7Pdu, at: At) -> bool:
+    def answered(
+        self, connection: model.S7Connection, from_client: bool, pdu: S7Pdu, at: model.At
+    ) -> bool:
         """An answer; False where it is none to a read or a write."""
         key = connection.number, not from_client, pdu.reference
         job, function = self._open.get(key), pdu.function
@@ -92,20 +75,20 @@ class Jobs:
         results = pdus.results(pdu) if function is not None else []
         job.answer_flaws = pdu.flaws
         if pdu.error:
-            job.state = REFUSED
+            job.state = model.REFUSED
         else:
             job.answer_flaws += pdus.settle(job.items, job.groups, results)
             job.state = _state(job.items)
         self._close(job)
         return True
 
-    def lose(self, connection: S7Connection) -> None:
+    def lose(self, connection: model.S7Connection) -> None:
         """Bytes of a connection are lost: the answers to its open jobs may be among them."""
         for key, job in self._open.items():
             if key[0] == connection.number:
                 job.lost = True
 
-    def close(self, connection: S7Connection, since: int | None) -> None:
+    def close(self, connection: model.S7Connection, since: int | None) -> None:
         """A connection is over; where there is a time, the capture is: an answer to what is younger may come."""
         for key in [each for each in self._open if each[0] == connection.number]:
             job = self._open[key]
@@ -114,17 +97,19 @@ class Jobs:
         for from_client in (True, False):
             self._count.pop((connection.number, from_client), None)
 
-    def _orphan(self, connection: S7Connection, from_client: bool, pdu: S7Pdu, at: At) -> None:
+    def _orphan(
+        self, connection: model.S7Connection, from_client: bool, pdu: S7Pdu, at: model.At
+    ) -> None:
         """An answer to which there is no job."""
-        items = [S7Item(None, each.data, each.code) for each in pdus.results(pdu)]
-        job = S7Job(
+        items = [model.S7Item(None, each.data, each.code) for each in pdus.results(pdu)]
+        job = model.S7Job(
             OPERATIONS[pdu.parameter[0]], connection, not from_client, pdu.reference, None, items,
-            answered=at, response=pdu.data, error=pdu.error, state=ORPHAN, answer_flaws=pdu.flaws,
+            answered=at, response=pdu.data, error=pdu.error, state=model.ORPHAN, answer_flaws=pdu.flaws,
             frames=pdu.frames,
         )  # fmt: skip
         self._close(job)
 
-    def _expire(self, now: At) -> None:
+    def _expire(self, now: model.At) -> None:
         while self._open:
             key, job = next(iter(self._open.items()))
             if (
@@ -134,7 +119,7 @@ class Jobs:
                 return
             self._give_up(key)
 
-    def _take(self, key: _Key) -> S7Job | None:
+    def _take(self, key: _Key) -> model.S7Job | None:
         job = self._open.pop(key, None)
         if job is not None:
             self._bytes -= len(job.request)
@@ -145,25 +130,25 @@ class Jobs:
         job = self._take(key)
         if job is not None:
             job.lost = job.lost or job.connection.lacks(not job.from_client)
-            job.state = INCOMPLETE if job.lost else UNANSWERED
+            job.state = model.INCOMPLETE if job.lost else model.UNANSWERED
             self._close(job)
 
-    def _close(self, job: S7Job) -> None:
+    def _close(self, job: model.S7Job) -> None:
         self._over(job)
         job.phase = "closed"
 
 
-def is_recent(job: S7Job, since: int | None) -> bool:
+def is_recent(job: model.S7Job, since: int | None) -> bool:
     """Whether a job was asked, or a segment of it sent, at this time or later."""
     last = job.segments[-1].at if job.segments else job.asked
     return since is not None and last is not None and last.time_ns >= since
 
 
-def _state(items: list[S7Item]) -> str:
+def _state(items: list[model.S7Item]) -> str:
     """The state of a job from the results of its items."""
     done = 0
     for item in items:
-        done += item.code == DONE
+        done += item.code == model.DONE
     if done == len(items):
-        return OK
-    return PARTIAL if done else ERROR
+        return model.OK
+    return model.PARTIAL if done else model.ERROR

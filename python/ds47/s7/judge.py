@@ -11,30 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ds47.findings.remark import Remark
+from ds47.s7 import model
 from ds47.s7.addresses import text
 from ds47.s7.areas import too_long
 from ds47.s7.blocks import Blocks, BlockSize
 from ds47.s7.drives import ADDRESSES, Drives, element
-from ds47.s7.model import (
-    BSEND,
-    DONE,
-    ELEMENTS,
-    GET,
-    INCOMPLETE,
-    OK,
-    ORPHAN,
-    PUT,
-    REFUSED,
-    UNANSWERED,
-    USEND,
-    At,
-    BsendSegment,
-    S7Connection,
-    S7Item,
-    S7Job,
-    S7Listener,
-    SzlEvidence,
-)
 from ds47.s7.moments import Moments
 from ds47.s7.notes import Notes
 from ds47.spec import SINAMICS, s7
@@ -46,7 +27,7 @@ _NAMED = 4
 """Addresses of a job that a finding names."""
 
 
-def areas(items: list[S7Item]) -> str:
+def areas(items: list[model.S7Item]) -> str:
     """What items name: DB1.DBB0..9, MB4; cut after four."""
     if not any(each.address for each in items):
         return f"{len(items)} x unknown address"
@@ -58,21 +39,13 @@ def areas(items: list[S7Item]) -> str:
 class _Crowd:
     """Jobs that were open at once, more than agreed: it counts when all are answered."""
 
-    jobs: set[S7Job]
+    jobs: set[model.S7Job]
     open_now: int
     frame: int
 
 
-class S7Judge(S7Listener):
-    """Hears of connections.
-
-    Args:
-        bounds: times, and how much is kept.
-        remark: gets each problem of a job at once.
-        blocks: what partners copy at once, as the user says.
-        readback: whether a read must return what was written (DS916).
-        drives: which partners are drives, not CPUs; None: unknown.
-    """
+class S7Judge(model.S7Listener):
+    """Hears of connections."""
 
     def __init__(
         self,
@@ -95,12 +68,12 @@ class S7Judge(S7Listener):
         """Jobs of a connection that may go on behind the end of the capture, or began before it."""
         self._without_setup: dict[int, int] = {}
         """The first job of connections without a captured setup."""
-        self._open: dict[int, list[S7Job]] = {}
+        self._open: dict[int, list[model.S7Job]] = {}
         """Jobs of the client of a connection."""
         self._crowds: dict[int, _Crowd] = {}
-        self._sending: dict[tuple[int, bool, int | None], S7Job] = {}
+        self._sending: dict[tuple[int, bool, int | None], model.S7Job] = {}
         """Open BSEND by connection, direction and R_ID."""
-        self._tangled: set[S7Job] = set()
+        self._tangled: set[model.S7Job] = set()
         """Those of them with segments that cannot be assigned."""
         self._shapes: dict[tuple[int, bool, int | None], tuple[int, list[int]]] = {}
         """Frame and lengths of the last USEND likewise."""
@@ -122,11 +95,11 @@ class S7Judge(S7Listener):
 
     # Connections
 
-    def agreed(self, connection: S7Connection) -> None:
+    def agreed(self, connection: model.S7Connection) -> None:
         """The setup was seen."""
         self._without_setup.pop(connection.number, None)
 
-    def refused(self, connection: S7Connection, why: str, at: At, code: int) -> None:
+    def refused(self, connection: model.S7Connection, why: str, at: model.At, code: int) -> None:
         """Nothing comes of a connection."""
         tsap = connection.server_tsap
         rack, slot = s7.rack_and_slot(tsap) or (None, None)
@@ -139,7 +112,9 @@ class S7Judge(S7Listener):
         key = (connection.server, connection.client.ip, case, tsap, code)
         self._notes.add("DS917", key, at.frame, args)
 
-    def larger(self, connection: S7Connection, from_client: bool, at: At, size: int) -> None:
+    def larger(
+        self, connection: model.S7Connection, from_client: bool, at: model.At, size: int
+    ) -> None:
         """A PDU is larger than was agreed."""
         if connection.setup is None:
             return
@@ -151,12 +126,12 @@ class S7Judge(S7Listener):
         if note is not None:
             note.more("size", size, at.frame)
 
-    def evidence(self, connection: S7Connection, found: SzlEvidence) -> None:
+    def evidence(self, connection: model.S7Connection, found: model.SzlEvidence) -> None:
         """The server said what it is."""
         self._blocks.evidence(connection.server.ip, found)
         self._drives.evidence(connection.server.ip, found)
 
-    def closed(self, connection: S7Connection) -> None:
+    def closed(self, connection: model.S7Connection) -> None:
         """A connection is over."""
         self._moments.closed(connection)
         unfinished = self._unfinished.pop(connection.number, {})
@@ -181,7 +156,7 @@ class S7Judge(S7Listener):
             for key in [each for each in table if each[0] == connection.number]:
                 del table[key]
 
-    def _lacks(self, connection: S7Connection, what: str, frame: int, more: int) -> None:
+    def _lacks(self, connection: model.S7Connection, what: str, frame: int, more: int) -> None:
         key = connection.client.ip, connection.server.ip, what
         first, count = self._missing.get(key, (frame, 0))
         if count or len(self._missing) < self._bounds.s7_notes:
@@ -189,7 +164,7 @@ class S7Judge(S7Listener):
 
     # Jobs
 
-    def asked(self, job: S7Job) -> None:
+    def asked(self, job: model.S7Job) -> None:
         """A request, or the first segment, was seen."""
         self._moments.asked(job)
         at = job.asked
@@ -197,48 +172,48 @@ class S7Judge(S7Listener):
             return
         if job.connection.pdu_length is None:
             self._without_setup.setdefault(job.connection.number, at.frame)
-        if job.operation == BSEND:
+        if job.operation == model.BSEND:
             self._begun(job, at)
-        elif job.operation in (GET, PUT) and job.from_client:
+        elif job.operation in (model.GET, model.PUT) and job.from_client:
             self._crowded(job, at)
 
-    def over(self, job: S7Job) -> None:
+    def over(self, job: model.S7Job) -> None:
         """Nothing more comes of a job."""
         self._moments.over(job)
         self._drives.over(job)
         self._unfinish(job)
-        if job.operation == BSEND:
+        if job.operation == model.BSEND:
             key = job.connection.number, job.from_client, job.r_id
             if self._sending.get(key) is job:
                 del self._sending[key]
-            if job.state != ORPHAN and job not in self._tangled:
+            if job.state != model.ORPHAN and job not in self._tangled:
                 self._sent(job)
             self._tangled.discard(job)
-        elif job.operation == USEND:
+        elif job.operation == model.USEND:
             self._shape(job)
-        elif job.state == ORPHAN:
+        elif job.state == model.ORPHAN:
             self._refused(job)
         else:
             self._settled(job)
             self._variables(job)
 
-    def _unfinish(self, job: S7Job) -> None:
+    def _unfinish(self, job: model.S7Job) -> None:
         """Where no byte of its connection is missing, what a job lacks is behind the end or before the begin."""
         at = job.asked or job.answered
-        begins = job.state == ORPHAN and job.connection.setup is None
-        if at is not None and (begins or job.state == INCOMPLETE):
+        begins = job.state == model.ORPHAN and job.connection.setup is None
+        if at is not None and (begins or job.state == model.INCOMPLETE):
             what = "s7_begins" if begins else "s7_ends"
             there = self._unfinished.setdefault(job.connection.number, {})
             first, count = there.get(what, (at.frame, 0))
             there[what] = min(first, at.frame), count + 1
 
-    def _say(self, rule: str, job: S7Job, at: At, **args: Any) -> None:
+    def _say(self, rule: str, job: model.S7Job, at: model.At, **args: Any) -> None:
         ends = {"device": job.partner.ip, "controller": job.asker.ip}
         self._remark(Remark(rule, at.frame, ends | args, job=job))
 
     # GET and PUT
 
-    def _crowded(self, job: S7Job, at: At) -> None:
+    def _crowded(self, job: model.S7Job, at: model.At) -> None:
         number, parallel = job.connection.number, job.connection.parallel
         there = self._open.setdefault(number, [])
         there.append(job)
@@ -251,7 +226,7 @@ class S7Judge(S7Listener):
         if crowd is None or crowd.open_now < len(there):
             self._crowds[number] = _Crowd(set(there), len(there), at.frame)
 
-    def _settled(self, job: S7Job) -> None:
+    def _settled(self, job: model.S7Job) -> None:
         number = job.connection.number
         there, crowd = self._open.get(number), self._crowds.get(number)
         if there is not None and job in there:
@@ -271,13 +246,13 @@ class S7Judge(S7Listener):
         if note is not None:
             note.more("most", crowd.open_now, crowd.frame)
 
-    def _variables(self, job: S7Job) -> None:
+    def _variables(self, job: model.S7Job) -> None:
         at, operation = job.answered or job.asked, job.operation.upper()
         if at is None or job.asked is None:
             return
-        if job.state == UNANSWERED:
+        if job.state == model.UNANSWERED:
             self._say("DS901", job, job.asked, operation=operation, area=areas(job.items))
-        if job.state in (UNANSWERED, INCOMPLETE):
+        if job.state in (model.UNANSWERED, model.INCOMPLETE):
             return
         self._refused(job)
         if job.error:
@@ -285,12 +260,12 @@ class S7Judge(S7Listener):
         block = self._blocks.of(job.partner.ip)
         if block is not None:
             self._blocked(job, job.asked, operation, block)
-        if len(job.items) > 1 and job.state == OK:
+        if len(job.items) > 1 and job.state == model.OK:
             args = {"device": job.partner.ip, "controller": job.asker.ip}
             key = (job.connection.number, job.from_client)
             self._notes.add("DS906", key, job.asked.frame, args)
 
-    def _refused(self, job: S7Job) -> None:
+    def _refused(self, job: model.S7Job) -> None:
         """What an answer refuses, whether its request is in the capture or not."""
         at, operation = job.answered, job.operation.upper()
         if at is None:
@@ -306,10 +281,10 @@ class S7Judge(S7Listener):
             if code is None:
                 args = {"count": len(failed), "of": len(job.items)}
                 self._say("DS918", job, at, operation=operation, area=areas(failed), **args)
-            elif code != DONE:
+            elif code != model.DONE:
                 self._items(failed, job, at, code)
 
-    def _items(self, failed: list[S7Item], job: S7Job, at: At, code: int) -> None:
+    def _items(self, failed: list[model.S7Item], job: model.S7Job, at: model.At, code: int) -> None:
         """What is refused with one code: parameters of a drive, else items; a single item may be a parameter."""
         drive = self._drives.drive_of(job.partner.ip) if job.from_client else None
         named = [(element(each.address), each.address) for each in failed]
@@ -327,11 +302,11 @@ class S7Judge(S7Listener):
                 bytes=address.length, code=code,
             )  # fmt: skip
 
-    def _blocked(self, job: S7Job, at: At, operation: str, block: BlockSize) -> None:
+    def _blocked(self, job: model.S7Job, at: model.At, operation: str, block: BlockSize) -> None:
         """Items that are larger than what the partner copies at once."""
         for item in job.items:
             address = item.address
-            if address is None or item.code != DONE or address.area in ELEMENTS:
+            if address is None or item.code != model.DONE or address.area in model.ELEMENTS:
                 continue
             if address.length <= block.size:
                 continue
@@ -346,7 +321,7 @@ class S7Judge(S7Listener):
 
     # BSEND and USEND
 
-    def _begun(self, job: S7Job, at: At) -> None:
+    def _begun(self, job: model.S7Job, at: model.At) -> None:
         key = job.connection.number, job.from_client, job.r_id
         before = self._sending.get(key)
         lost = before is None or before.lost or job.connection.lacks(not job.from_client)
@@ -356,11 +331,11 @@ class S7Judge(S7Listener):
         if before is not None or len(self._sending) < self._bounds.s7_notes:
             self._sending[key] = job
 
-    def _sent(self, job: S7Job) -> None:
+    def _sent(self, job: model.S7Job) -> None:
         at, parts = job.asked, job.segments
         if at is None or not parts:
             return
-        if job.state == REFUSED:
+        if job.state == model.REFUSED:
             refused = job.answered or at
             self._say("DS912", job, refused, r_id=job.r_id, case="r_id_refused", code=job.error)
             return
@@ -380,7 +355,7 @@ class S7Judge(S7Listener):
                 frames=[each.at.frame for each in silent],
             )  # fmt: skip
 
-    def _shape(self, job: S7Job) -> None:
+    def _shape(self, job: model.S7Job) -> None:
         at, shape = job.asked, [len(each.value or b"") for each in job.items]
         if at is None or job.flaws:
             return
@@ -393,7 +368,7 @@ class S7Judge(S7Listener):
             self._say("DS913", job, at, r_id=job.r_id, before=before[1], now=shape, first=before[0])
 
 
-def _incomplete(job: S7Job, parts: list[BsendSegment], size: int) -> str | None:
+def _incomplete(job: model.S7Job, parts: list[model.BsendSegment], size: int) -> str | None:
     """What a BSEND lacks that was sent, None for nothing."""
     if not parts[-1].last:
         return "bsend_open"

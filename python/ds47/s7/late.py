@@ -18,13 +18,7 @@ _TCP = 6
 
 
 class LateCommunication:
-    """As `Communication`. Remembers which devices have a parameter channel.
-
-    Args:
-        ports: wanted TCP ports; empty if S7 is not wanted.
-        make: gives the communication.
-        most: devices that are remembered.
-    """
+    """As `Communication`. Remembers which devices have a parameter channel."""
 
     def __init__(self, ports: Sequence[int], make: Callable[[], Communication], most: int) -> None:
         self.ports, self._make, self._most = ports, make, most

@@ -49,13 +49,7 @@ class _Open:
 
 
 class Transfers:
-    """The open BSEND of all connections.
-
-    Args:
-        bounds: how many may be open.
-        asked: gets each transfer at its first segment.
-        over: gets each finished transfer.
-    """
+    """The open BSEND of all connections."""
 
     def __init__(self, bounds: Limits, asked: Hear, over: Hear) -> None:
         self._bounds = bounds

@@ -22,19 +22,7 @@ from scapy.layers.dcerpc import DceRpc, DceRpc4
 from scapy.layers.inet import UDP
 from scapy.packet import Packet, Raw, bind_bottom_up, bind_layers, bind_top_down
 
-from ds47 import spec
-from ds47.profidrive import (
-    Address,
-    Block,
-    Request,
-    Response,
-    decode_request,
-    decode_response,
-    encode_request,
-    encode_response,
-    error_block,
-    make_block,
-)
+from ds47 import profidrive, spec
 from ds47.profidrive.model import ERROR
 from ds47.profidrive.naming import element
 from ds47.spec.layouts import MESSAGE_SIZE
@@ -55,17 +43,15 @@ class _ListField(Field):  # type: ignore[misc]
     islist = 1
 
     def any2i(self, pkt: Packet | None, x: Any) -> Any:  # noqa: ARG002
-        return x if x is None or isinstance(x, list) else list(x) if _many(x) else [x]
+        if x is None or isinstance(x, list):
+            return x
+        return list(x) if isinstance(x, tuple | range | set) else [x]
 
     def i2repr(self, pkt: Packet | None, x: Any) -> str:  # noqa: ARG002
         return repr(x)
 
     def do_copy(self, x: Any) -> Any:
         return None if x is None else list(x)
-
-
-def _many(value: Any) -> bool:
-    return isinstance(value, tuple | range | set)
 
 
 class _Part(Packet):  # type: ignore[misc]
@@ -120,7 +106,7 @@ class DS47Block(_Part):
         block = self.block()
         return bytes((block.format, block.value_count)) + block.raw + block.pad
 
-    def block(self) -> Block:
+    def block(self) -> profidrive.Block:
         """The block of the codec. Raises ValueError for values that the format cannot carry."""
         made = _made(self.format, self.values, self.error_words or [], self.raw is not None)
         made.format = self.format
@@ -133,7 +119,7 @@ class DS47Block(_Part):
         return made
 
     @classmethod
-    def of(cls, block: Block, parent: Packet) -> DS47Block:
+    def of(cls, block: profidrive.Block, parent: Packet) -> DS47Block:
         """The layer of a decoded block."""
         words = block.error.words if block.error else []
         layer = cls(format=block.format, value_count=block.value_count, values=block.values,
@@ -147,40 +133,44 @@ class DS47Block(_Part):
         return layer
 
 
-def _made(code: int, values: list[Any], words: list[int], raw: bool) -> Block:
+def _made(code: int, values: list[Any], words: list[int], raw: bool) -> profidrive.Block:
     """A block from values; one whose bytes are given needs no more than its header."""
     if raw:
-        return Block(code, len(values), [], None, None, b"")
+        return profidrive.Block(code, len(values), [], None, None, b"")
     if code != ERROR:
-        return make_block(code, values)
+        return profidrive.make_block(code, values)
     if not 1 <= len(words) <= 2:
         raise ValueError(f"an error block has one or two error_words, not {len(words)}: set raw")
-    return error_block(*words) if len(words) == 2 else error_block(words[0], None)
+    return profidrive.error_block(words[0], words[1] if len(words) == 2 else None)
 
 
 class _Message(Packet):  # type: ignore[misc]
     """What requests and responses have in common: they are read and made by the codec."""
 
     decode: Callable[[bytes], Any]
+    encode: Callable[[Any], bytes]
 
     def do_dissect(self, s: bytes) -> bytes:
         data = bytes(s)
-        self._fill(data)
+        self._fill(self.decode(data))
         self.raw_packet_cache = data
         self.explicit = 1
         return b""
 
     def self_build(self) -> bytes:
         # Not from raw_packet_cache: what it is made of may have changed, and the same comes out.
-        return self._bytes()
+        return self.encode(self.message())
 
-    def _fill(self, data: bytes) -> None:
+    def message(self) -> Any:
         raise NotImplementedError
 
-    def _bytes(self) -> bytes:
-        raise NotImplementedError
+    def _fill(self, message: Any) -> None:
+        for each in self.fields_desc[:4]:
+            self.fields[each.name] = getattr(message, each.name)
+        self.fields["blocks"] = [DS47Block.of(each, self) for each in message.blocks]
+        self.fields["rest"] = message.rest
 
-    def _blocks(self) -> list[Block]:
+    def _blocks(self) -> list[profidrive.Block]:
         return [layer.block() for layer in self.blocks]
 
 
@@ -212,7 +202,8 @@ class DS47Request(_Message):
     """
 
     name = "DS47 request"
-    decode = staticmethod(decode_request)
+    decode = staticmethod(profidrive.decode_request)
+    encode = staticmethod(profidrive.encode_request)
     dispatch_hook = classmethod(_layer)  # scapy looks for it in the class itself
     fields_desc = [  # noqa: RUF012
         ByteField("request_reference", 1),
@@ -224,29 +215,23 @@ class DS47Request(_Message):
         StrField("rest", b""),
     ]
 
-    def _fill(self, data: bytes) -> None:
-        request = self.decode(data)
-        self.fields |= _head(request) | {"request_id": request.request_id}
+    def _fill(self, message: profidrive.Request) -> None:
+        super()._fill(message)
         self.fields["addresses"] = [
             DS47Address(attribute=each.attribute, element_count=each.element_count, pnu=each.pnu,
                         subindex=each.subindex, _parent=self)
-            for each in request.addresses
+            for each in message.addresses
         ]  # fmt: skip
-        self.fields["blocks"] = [DS47Block.of(each, self) for each in request.blocks]
-        self.fields["rest"] = request.rest
 
-    def _bytes(self) -> bytes:
-        return encode_request(self.message())
-
-    def message(self) -> Request:
+    def message(self) -> profidrive.Request:
         """The request of the codec. Raises ValueError for values that a format cannot carry."""
         addresses = [
-            Address(each.attribute, each.element_count, each.pnu, each.subindex)
+            profidrive.Address(each.attribute, each.element_count, each.pnu, each.subindex)
             for each in self.addresses
         ]
         count = len(addresses) if self.parameter_count is None else self.parameter_count
         head = (self.request_reference, self.request_id, self.axis, count)
-        return Request(*head, addresses=addresses, blocks=self._blocks(), rest=self.rest)
+        return profidrive.Request(*head, addresses=addresses, blocks=self._blocks(), rest=self.rest)
 
     pnu = _of_first("addresses", "pnu", "Parameter number of the first address, None without one.")
     subindex = _of_first("addresses", "subindex", "Subindex of the first address.")
@@ -268,7 +253,8 @@ class DS47Response(_Message):
     """
 
     name = "DS47 response"
-    decode = staticmethod(decode_response)
+    decode = staticmethod(profidrive.decode_response)
+    encode = staticmethod(profidrive.encode_response)
     dispatch_hook = classmethod(_layer)  # scapy looks for it in the class itself
     fields_desc = [  # noqa: RUF012
         ByteField("request_reference", 1),
@@ -279,22 +265,13 @@ class DS47Response(_Message):
         StrField("rest", b""),
     ]
 
-    def _fill(self, data: bytes) -> None:
-        response = self.decode(data)
-        self.fields |= _head(response) | {"response_id": response.response_id}
-        self.fields["blocks"] = [DS47Block.of(each, self) for each in response.blocks]
-        self.fields["rest"] = response.rest
-
-    def _bytes(self) -> bytes:
-        return encode_response(self.message())
-
-    def message(self) -> Response:
+    def message(self) -> profidrive.Response:
         """The response of the codec. Raises ValueError for values that a format cannot carry."""
         blocks = self._blocks()
         count = self.parameter_count
         count = (len(blocks) or 1) if count is None else count
         head = (self.request_reference, self.response_id, self.axis, count)
-        return Response(*head, blocks=blocks, rest=self.rest)
+        return profidrive.Response(*head, blocks=blocks, rest=self.rest)
 
     format = _of_first("blocks", "format", "Format of the first block, None without one.")
     value_count = _of_first("blocks", "value_count", "Value count of the first block.")
@@ -308,23 +285,11 @@ class DS47Response(_Message):
         return str(self.sprintf("DS47 %DS47Response.response_id% response"))
 
 
-def _head(message: Request | Response) -> dict[str, int | None]:
-    return {
-        "request_reference": message.request_reference,
-        "axis": message.axis,
-        "parameter_count": message.parameter_count,
-    }
-
-
-def _record_length(block: Packet) -> int:
-    return block.recordDataLength or 0
-
-
 def _bind() -> None:
     """Hangs the layers below the record blocks, and those below UDP."""
     # scapy takes the record of a Read response for the next block.
     if "payload_length" not in vars(IODReadRes):
-        IODReadRes.payload_length = _record_length
+        IODReadRes.payload_length = lambda block: block.recordDataLength or 0
     for below, layer in ((IODWriteReq, DS47Request), (IODReadRes, DS47Response)):
         for index in (LOCAL, GLOBAL):
             bind_bottom_up(below, layer, index=index)

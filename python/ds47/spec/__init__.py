@@ -291,11 +291,7 @@ def format_named(name: str) -> Format | None:
 
 @cache
 def dialect(name: str) -> Mapping[int, int]:
-    """Format codes of a dialect -> the code of `formats()` with the same meaning.
-
-    Raises:
-        KeyError: there is no dialect of that name.
-    """
+    """Format codes of a dialect -> the code of `formats()` with the same meaning."""
     tables = {row["name"]: dict(row["codes"]) for row in _load("formats.toml")["dialect"]}
     return MappingProxyType(tables[name])
 
@@ -390,14 +386,10 @@ MAKERS: Final = range(0x65, 0x100)
 
 @lru_cache(maxsize=4096)
 def error_text(code: int | None, lang: str = "en", vendor_id: int | None = None) -> str:
-    """What an error number means, in words (docs/protocol.md B).
+    """What an error number means, in words (docs/protocol.md B); empty for None.
 
-    Args:
-        code: error value 1, 0..0xFFFF; the text for None is empty.
-        lang: "en" or "zh"; anything else gives English.
-        vendor_id: PROFINET vendor id of the device. Numbers from 0x65 on belong to the vendor.
-            Without an id the text gives the meaning on SINAMICS, marked as such. For a vendor without
-            a table it gives no meaning.
+    Numbers from 0x65 on belong to the vendor. Without its PROFINET id the text gives the meaning on SINAMICS,
+    marked as such. For a vendor without a table it gives no meaning.
     """
     if code is None:
         return ""
@@ -512,7 +504,7 @@ def _entry(text: str | None) -> tuple[str, str] | None:
 
 
 def _pnu(number: int, row: Mapping[str, Any]) -> Pnu:
-    values = row.get("values", ())
+    values, same = row.get("values", ()), ("access", "connects", "buffer", "messages")
     return Pnu(
         number=number,
         name_en=row["en"],
@@ -521,11 +513,8 @@ def _pnu(number: int, row: Mapping[str, Any]) -> Pnu:
         unit=row.get("unit"),
         volatile=row.get("volatile", False),
         family=row.get("family", "profile"),
-        access=row.get("access"),
-        connects=row.get("connects"),
-        buffer=row.get("buffer"),
         entry=_entry(row.get("entry")),
-        messages=row.get("messages"),
+        **{key: row[key] for key in same if key in row},
         values_en=MappingProxyType({value: en for value, en, _ in values}),
         values_zh=MappingProxyType({value: zh for value, _, zh in values}),
         sources=tuple(row.get("sources", ())),

@@ -19,11 +19,7 @@ def tables() -> tuple[str, ...]:
 
 @cache
 def codes(table: str) -> Mapping[str, int]:
-    """Word -> number.
-
-    Raises:
-        KeyError: there is no table of that name.
-    """
+    """Word -> number. Raises KeyError where there is no table of that name."""
     return MappingProxyType(_load("codes.toml")[table])
 
 

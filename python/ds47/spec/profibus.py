@@ -128,8 +128,7 @@ def service_id(
 ) -> str | None:
     """The service of DP that a frame with this function belongs to, by the SAPs of slave and master.
 
-    Returns:
-        An id of `services()`, "ms2", or None where the SAPs stand for none.
+    An id of `services()`, "ms2", or None where the SAPs stand for none.
     """
     if code is None:
         return None

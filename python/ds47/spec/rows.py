@@ -11,8 +11,7 @@ class Row:
     Nobody changes a row. It is no dataclass and no named tuple, because to define twenty of these takes
     longer than to read the tables.
 
-    Raises:
-        TypeError: there is no such column.
+    Raises TypeError where there is no such column.
     """
 
     def __init__(self, **columns: Any) -> None:

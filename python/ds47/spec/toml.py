@@ -18,11 +18,7 @@ _LARGEST: Final = 1 << 64
 
 
 def parse(text: str) -> dict[str, Any]:
-    """The document of a text.
-
-    Raises:
-        ValueError: it is none, or one that nobody means.
-    """
+    """The document of a text. Raises ValueError where it is none, or one that nobody means."""
     if (key := _LONG_KEY.search(text)) is not None:
         line = text.count("\n", 0, key.start()) + 1
         raise ValueError(f"a key has more than 64 parts (at line {line})")

@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
-from ds47 import spec
+from ds47 import model, spec
 from ds47.acyclic.transactions import summarise
 from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.analysis import analyze as analyze_natively
@@ -29,20 +29,6 @@ from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings.collection import Findings, rules_of_others
 from ds47.findings.times import FrameTimes
-from ds47.model import (
-    PZD,
-    S7,
-    SEEN,
-    SIEMENS,
-    CaptureResult,
-    Event,
-    Finding,
-    Read,
-    Relation,
-    Side,
-    Timeline,
-    Transaction,
-)
 from ds47.parameters import table
 from ds47.profibus import LINK_TYPES
 from ds47.regression.compare import Change, compare
@@ -95,7 +81,7 @@ class Engine:
 
     def analyze(
         self, source: str | Path | BinaryIO, on_transaction: OnTransaction | None = None
-    ) -> CaptureResult:
+    ) -> model.CaptureResult:
         """Analyses one capture; arguments and result are those of `ds47.analysis.analyze`.
 
         `on_transaction` is called at the end of the capture: tshark needs two passes.
@@ -131,8 +117,8 @@ class Engine:
         return result if on_transaction is None else handed_out(result, on_transaction)
 
     def _ask(
-        self, capture: _Extract, extract: Path, native: CaptureResult, whole: bool
-    ) -> tuple[CaptureResult, list[str]]:
+        self, capture: _Extract, extract: Path, native: model.CaptureResult, whole: bool
+    ) -> tuple[model.CaptureResult, list[str]]:
         """The result of the plugin, with the frame numbers of the capture itself."""
         shown, errors = Fields(), list[str]()
         if capture.numbers:
@@ -159,8 +145,8 @@ class Engine:
         return tshark.ask(self._tshark, extract, chosen)
 
     def _compared(
-        self, native: CaptureResult, found: CaptureResult | None, errors: Sequence[str]
-    ) -> CaptureResult:
+        self, native: model.CaptureResult, found: model.CaptureResult | None, errors: Sequence[str]
+    ) -> model.CaptureResult:
         """The native result, with a finding for each difference."""
         if not self._findings.wanted(DIFFERS):
             return native
@@ -174,8 +160,10 @@ class Engine:
         native.findings = sorted(native.findings + findings, key=_order)
         return native
 
-    def _difference(self, text: str, frame: int) -> Finding:
-        return Finding(DIFFERS, spec.rules()[DIFFERS].severity, frame, args={"difference": text})
+    def _difference(self, text: str, frame: int) -> model.Finding:
+        return model.Finding(
+            DIFFERS, spec.rules()[DIFFERS].severity, frame, args={"difference": text}
+        )
 
 
 def _of_channels(shown: Fields, channels: Sequence[str]) -> Fields:
@@ -195,17 +183,21 @@ def _of_channels(shown: Fields, channels: Sequence[str]) -> Fields:
 
 
 def _joined(
-    native: CaptureResult, transactions: list[Transaction], findings: list[Finding]
-) -> CaptureResult:
+    native: model.CaptureResult,
+    transactions: list[model.Transaction],
+    findings: list[model.Finding],
+) -> model.CaptureResult:
     """What the plugin says, with what only the native engine has: S7, and the rules that are marked.
 
     All transactions are numbered anew, by their first frame.
     """
-    jobs = [copy(each) for each in native.transactions if each.channel == S7]
+    jobs = [copy(each) for each in native.transactions if each.channel == model.S7]
     own = [copy(each) for each in native.findings if spec.rules()[each.rule].analyzer_only]
     ordered = sorted([*transactions, *jobs], key=lambda each: each.frames.first())
     numbers: dict[tuple[bool, int | None], int | None]
-    numbers = {(each.channel == S7, each.id): number for number, each in enumerate(ordered, 1)}
+    numbers = {
+        (each.channel == model.S7, each.id): number for number, each in enumerate(ordered, 1)
+    }
     for finding in findings:
         finding.transaction = numbers.get((False, finding.transaction))
     for finding in own:  # what is of no job of S7 has the same number with both engines
@@ -222,11 +214,13 @@ def _joined(
     return replace(native, transactions=ordered, findings=found, summary=summary)
 
 
-def _order(finding: Finding) -> tuple[int, str, int, int]:
+def _order(finding: model.Finding) -> tuple[int, str, int, int]:
     return finding.frame, finding.rule, finding.transaction or 0, finding.offset or 0
 
 
-def differences(native: CaptureResult, found: CaptureResult, lang: str = "en") -> list[Change]:
+def differences(
+    native: model.CaptureResult, found: model.CaptureResult, lang: str = "en"
+) -> list[Change]:
     """What differs between two results of one capture, in words of `lang`: was native, is tshark."""
     # One file: compare() then compares frames and times too.
     one_file = {"sha256": "the same"}
@@ -249,13 +243,12 @@ def preferences(options: AnalysisOptions) -> list[str]:
 
     Rules are not left out by the plugin but afterwards: those of the comparison would be missing.
 
-    Raises:
-        ds47.wireshark.tshark.NotReadyError: the plugin takes whole milliseconds.
+    Raises NotReadyError where the plugin takes whole milliseconds.
     """
     slow_ms = limits().slow_ns / 1e6 if options.slow_ms is None else options.slow_ms
     if not 0 <= slow_ms <= _MOST_MS or slow_ms != int(slow_ms):
         raise tshark.NotReadyError(f"the engine tshark takes whole ms for --slow, not {slow_ms:g}")
-    if options.vendor_id not in (None, SIEMENS):
+    if options.vendor_id not in (None, model.SIEMENS):
         raise tshark.NotReadyError("the engine tshark takes --vendor sinamics alone")
     codec = options.codec
     # Wireshark 3.4 takes no empty value. A preference is empty unless set.
@@ -278,7 +271,7 @@ def preferences(options: AnalysisOptions) -> list[str]:
         "ds47.language:en",
         f"ds47.slow_ms:{int(slow_ms)}",
         f"ds47.legacy_g120_formats:{str(codec.legacy_g120_formats).upper()}",
-        f"ds47.assume_sinamics:{str(options.vendor_id == SIEMENS).upper()}",
+        f"ds47.assume_sinamics:{str(options.vendor_id == model.SIEMENS).upper()}",
         f"ds47.profile_v3_types:{str(codec.profile_v3_types).upper()}",
     ]
 
@@ -346,7 +339,7 @@ class _Extract(Capture):
 class _Original:
     """Puts what the plugin cannot know into what it says: numbers and times, and that frames are lost."""
 
-    def __init__(self, capture: _Extract, native: CaptureResult) -> None:
+    def __init__(self, capture: _Extract, native: model.CaptureResult) -> None:
         self._native = native
         self._numbers = capture.numbers
         self._shift = capture.shift
@@ -354,22 +347,22 @@ class _Original:
         self._dropped = bool(native.dropped)
         self._vendors = {each.ip: each.vendor for each in native.devices}
 
-    def transaction(self, item: Json) -> Transaction:
+    def transaction(self, item: Json) -> model.Transaction:
         """The transaction, with the frame numbers and the time of the capture."""
         transaction = load.transaction(item, self._vendors.get(item["device"]))
         transaction.start_ns -= self._shift
         frames = transaction.frames
         for name in ("write_request", "write_response", "read_request", "read_response"):
             setattr(frames, name, self._number(getattr(frames, name)))
-        frames.polls = [Read(self._number(a), self._number(b)) for a, b in frames.polls]
-        frames.rereads = [Read(self._number(a), self._number(b)) for a, b in frames.rereads]
+        frames.polls = [model.Read(self._number(a), self._number(b)) for a, b in frames.polls]
+        frames.rereads = [model.Read(self._number(a), self._number(b)) for a, b in frames.rereads]
         for each in transaction.parameters:
             if each.described is not None:
                 moved = tuple(self._numbers[frame - 1] for frame in each.described.frames)
                 each.described = each.described._replace(frames=moved)
         return transaction
 
-    def finding(self, item: Json) -> Finding:
+    def finding(self, item: Json) -> model.Finding:
         """The finding, with the frame numbers of the capture, also among its arguments."""
         finding = load.finding(item)
         finding.frame = self._numbers[finding.frame - 1]
@@ -384,7 +377,7 @@ class _Original:
 
     def drives(self, events: list[Json], channels: Sequence[str]) -> Json:
         """The relations and timelines of the native result, with what the plugin says of drives instead."""
-        if PZD not in channels:
+        if model.PZD not in channels:
             return {}
         relations = [copy(each) for each in self._native.relations]
         lines = {each.relation: replace(each, events=[]) for each in self._native.timelines}
@@ -395,8 +388,8 @@ class _Original:
             if number > len(relations):
                 number = len(relations) + 1
                 relations.append(_of_plugin(each))
-            line = lines.setdefault(number, Timeline(number))
-            line.events.append(Event(frame, time_ns, *words))
+            line = lines.setdefault(number, model.Timeline(number))
+            line.events.append(model.Event(frame, time_ns, *words))
             for key in ("device", "slot", "subslot", "telegrams"):
                 setattr(relations[number - 1], key, each[key])
         return {"relations": relations, "timelines": [lines[number] for number in sorted(lines)]}
@@ -405,16 +398,16 @@ class _Original:
         return None if frame is None else self._numbers[frame - 1]
 
 
-def _of_plugin(event: Json) -> Relation:
+def _of_plugin(event: Json) -> model.Relation:
     """The relation of an event that the native engine does not have."""
-    nowhere = Side("", None, 0, 0)
-    return Relation(
-        PZD, "", event["device"], None, event["slot"], event["subslot"], event["telegrams"],
-        nowhere, nowhere, None, None, SEEN,
+    nowhere = model.Side("", None, 0, 0)
+    return model.Relation(
+        model.PZD, "", event["device"], None, event["slot"], event["subslot"], event["telegrams"],
+        nowhere, nowhere, None, None, model.SEEN,
     )  # fmt: skip
 
 
-def _frame(change: Change, native: CaptureResult, found: CaptureResult) -> int | None:
+def _frame(change: Change, native: model.CaptureResult, found: model.CaptureResult) -> int | None:
     """A frame in which a difference shows."""
     if change.stored is not None:
         return native.transactions[change.stored].frames.first()

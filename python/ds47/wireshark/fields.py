@@ -48,11 +48,7 @@ class Fields:
 
 
 def read(source: str | Path | BinaryIO) -> Fields:
-    """Reads PDML, packet by packet, so that memory grows with the transactions only.
-
-    Raises:
-        xml.etree.ElementTree.ParseError: the text is no XML, or ends early.
-    """
+    """Reads PDML, packet by packet, so that memory grows with the transactions only."""
     transactions: dict[int, dict[str, Any]] = {}
     findings: list[dict[str, Any]] = []
     events: list[dict[str, Any]] = []
