@@ -22,8 +22,11 @@ def captures(
 ) -> Iterator[str]:
     """The captures that paths mean, each once, in order; folders are searched with all below them.
 
-    `missing` gets a line for each folder that cannot be read or has none, `passed` one for each name that is a
-    named pipe, a socket or a device.
+    Args:
+        paths: files, folders, URLs of either, or - for stdin.
+        missing: gets one line for each folder that cannot be read or has no capture.
+        accept: which names in a folder are captures.
+        passed: gets one line for each name in a folder that is a named pipe, a socket or a device.
     """
     seen = set()
     for path in paths:

@@ -150,7 +150,11 @@ def _work(make: Product, task: Task, version: str) -> bytes:
 
 
 def _distributed() -> Any:
-    """Dask's package, without what it likes to say: whatever matters comes as an exception."""
+    """Dask's package, without what it likes to say: whatever matters comes as an exception.
+
+    Raises:
+        Failed: it is not installed.
+    """
     try:
         import distributed
     except ImportError as problem:

@@ -173,8 +173,14 @@ def in_order(
 ) -> Iterator[Made]:
     """What a function makes of each task, in their order, in several processes; it is sent to them.
 
-    `instead` makes something of a task whose process was killed, twice, or that it raised CaptureError for.
-    Without it that is raised here, as is all else that the function raises.
+    Args:
+        function: what is sent.
+        tasks: for which it is called, each.
+        jobs: how many processes there are.
+        instead: makes something of a task whose process was killed, twice, or that it raised CaptureError for.
+
+    Raises:
+        CaptureError: as said, without `instead`. What else the function raises is raised here, too.
     """
     numbers = {task.path: str(number) for number, task in enumerate(tasks)}
     with (

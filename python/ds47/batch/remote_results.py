@@ -63,7 +63,11 @@ class RemoteResults(Results):
         return set()
 
     def begin(self) -> None:
-        """Whether the folder can be written; an overview of an earlier run is not that of this one."""
+        """Whether the folder can be written; an overview of an earlier run is not that of this one.
+
+        Raises:
+            OSError: it cannot.
+        """
         super().begin()
         overview = self.folder / OVERVIEW
         overview.write_text("{}")
@@ -140,7 +144,11 @@ class RemoteResults(Results):
 
 
 def results_at(name: str, make: StoredResult) -> Results:
-    """The results in a folder of this machine, or behind a URL."""
+    """The results in a folder of this machine, or behind a URL.
+
+    Raises:
+        ds47.capture.CaptureError: nothing opens such a URL.
+    """
     if not is_url(name):
         return Results(Path(name), make)
     system, path = file_system(name)

@@ -156,7 +156,11 @@ class Results:
         return self.folder / self._names[task.path]
 
     def name(self, tasks: Sequence[Task], roots: Sequence[str]) -> None:
-        """Gives each task the name of its result: its path below the folder that was named."""
+        """Gives each task the name of its result: its path below the folder that was named.
+
+        Raises:
+            SameNameError: two would have the same.
+        """
         owners: dict[str, str] = {}
         for task in tasks:
             name = f"{_below(task.path, roots)}.json"
@@ -266,7 +270,11 @@ class Results:
                     yield str(path), stream.read(LOOKED_AT)
 
     def begin(self) -> None:
-        """Makes the folder; an overview of an earlier run is not that of this one."""
+        """Makes the folder; an overview of an earlier run is not that of this one.
+
+        Raises:
+            OSError: it cannot be written.
+        """
         self.folder.mkdir(parents=True, exist_ok=True)
         (self.folder / OVERVIEW).unlink(missing_ok=True)
         probe = draft_of(self.folder / OVERVIEW, os.getpid())

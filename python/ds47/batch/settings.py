@@ -122,7 +122,11 @@ def _texts(table: dict[str, Any], key: str, name: str = "cyclic") -> Sequence[st
 
 
 def layout(text: str) -> tuple[str, str]:
-    """`uss`, or `192.168.0.5=uss` for one device: its address ("" for all) and the layout."""
+    """`uss`, or `192.168.0.5=uss` for one device: its address ("" for all) and the layout.
+
+    Raises:
+        ValueError: it is none.
+    """
     from ds47.cyclic.pkw import CYCLIC, USS
 
     device, _, name = text.rpartition("=")

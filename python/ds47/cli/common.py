@@ -97,7 +97,11 @@ def dialect_options(function: Function) -> Function:
 
 
 def vendor_number(text: str) -> int:
-    """The PROFINET vendor id of a known name, or from a number."""
+    """The PROFINET vendor id of a known name, or from a number.
+
+    Raises:
+        click.BadParameter: it is neither.
+    """
     from ds47.parameters.lists import LARGEST_ID
     from ds47.spec import maker_names
 
@@ -116,7 +120,11 @@ def vendor_number(text: str) -> int:
 def codec_options(
     legacy_g120_formats: bool, profile_v3_types: bool, vendor: str | None = None
 ) -> Options:
-    """The codec's options from those of the command line."""
+    """The codec's options from those of the command line.
+
+    Raises:
+        click.BadParameter: `vendor` is neither a known name nor an id.
+    """
     from ds47.profidrive import Options
 
     vendor_id = None if vendor is None else vendor_number(vendor)

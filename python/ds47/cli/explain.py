@@ -171,7 +171,13 @@ def _print(text: str, vendor: str | None, lang: str, format_name: str) -> None:
 
 
 def _listed(text: str, number: int | None, lang: str) -> list[SourceEntry]:
-    """What the lists that the user took in say of a parameter or a message; of a bare number as of a message."""
+    """What the lists that the user took in say of a parameter or a message; of a bare number as of a message.
+
+    Args:
+        text: what is explained.
+        number: the same where it is a number alone.
+        lang: "en" or "zh".
+    """
     from ds47.parameters import lists, store
     from ds47.parameters.catalogue import Catalogue
     from ds47.report import known

@@ -56,7 +56,11 @@ def write(folder: Path, names: Sequence[str], log: bool) -> None:
 
 
 def _place(write: Callable[[Path], object], path: Path) -> None:
-    """Writes a file that appears whole or not at all; one that is there stays if it is another one."""
+    """Writes a file that appears whole or not at all; one that is there stays if it is another one.
+
+    Raises:
+        click.ClickException: it is, or it cannot be written.
+    """
     from ds47.capture.drafts import draft_of
 
     draft = draft_of(path)

@@ -313,7 +313,11 @@ def _lists(names: Sequence[str], kept: bool) -> tuple[ParameterList, ...]:
 
 
 def expected_in(name: str | None) -> tuple[Expectation, ...]:
-    """The golden list of --expect."""
+    """The golden list of --expect.
+
+    Raises:
+        click.UsageError: it cannot be read.
+    """
     if name is None:
         return ()
     from ds47.parameters import expected, lists

@@ -149,7 +149,11 @@ def _sign(byte: int, blank: str) -> str:
 
 
 def _without_offsets(lines: list[str]) -> list[str]:
-    """Lines without their offsets and columns of text; as they are where no number in front may be an offset."""
+    """Lines without their offsets and columns of text; as they are where no number in front may be an offset.
+
+    Raises:
+        ValueError: what stands in front of a line may be an offset or data.
+    """
     found = [_LINE.fullmatch(line) for line in lines]
     rows = [_Row(*each.group(2, 3, 4)) if each else None for each in found]
     whole = [row for row in rows if row is not None]
@@ -248,7 +252,11 @@ def _refuse_chance(rows: list[_Row]) -> None:
 
 
 def _decimal(lines: list[str]) -> bytes | None:
-    """The bytes of a list of decimal numbers; None where it is none: hexadecimal numbers have two digits each."""
+    """The bytes of a list of decimal numbers; None where it is none: hexadecimal numbers have two digits each.
+
+    Raises:
+        ValueError: a number is no byte, or nothing tells whether it is a list.
+    """
     numbers = [number for line in lines for number in re.split(r"[\s,;\[\](){}]+", line) if number]
     if len(numbers) < 2 or not all(map(_DECIMAL.fullmatch, numbers)):
         return None

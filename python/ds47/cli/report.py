@@ -277,7 +277,11 @@ _SPELLED = {"opens": "open", "show_all": "all"}
 
 
 def _refuse_what_has_no_effect(format_name: str) -> None:
-    """An option that a format does not know is refused: whoever gives it waits for its effect."""
+    """An option that a format does not know is refused: whoever gives it waits for its effect.
+
+    Raises:
+        click.UsageError: one is given.
+    """
     context = click.get_current_context()
     given = {
         f"--{_SPELLED.get(name, name)}": formats for name, formats in _ONLY_IN.items()
@@ -312,7 +316,11 @@ def _detail(format_name: str, output_name: str) -> str:
 
 
 def _reference(text: str) -> Reference:
-    """`50Hz=1395rpm`: the same speed in one unit or several."""
+    """`50Hz=1395rpm`: the same speed in one unit or several.
+
+    Raises:
+        click.UsageError: it is no number with a unit.
+    """
     values = []
     for part in text.split("="):
         found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([^\d\s.]\D*)\s*", part)

@@ -151,7 +151,12 @@ class Run:
     ) -> list[CaptureRow]:
         """Stores a result of each task in `todo`, and reports over all.
 
-        `rows` are those of a writer that wants nothing else; else None, and it gets all results.
+        Args:
+            results: where they are stored.
+            tasks: all captures of the report.
+            todo: those of them that are not done already.
+            runner: analyses what is in `todo`, in that order.
+            rows: of a writer that wants nothing but rows; else None, and it gets all results.
         """
         waiting = {task.path for task in todo}
         kept: list[CaptureRow] = [] if rows is None else rows

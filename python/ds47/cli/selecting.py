@@ -126,6 +126,9 @@ class Choice(NamedTuple):
 
         Times of day do so only where nothing was found: `--from 23:50 --to 00:10` is right for a capture that goes
         past midnight.
+
+        Raises:
+            click.UsageError: it is so.
         """
         if self.start and self.end and self.start > self.end and self.start.kind == self.end.kind:
             raise click.UsageError("--from is later than --to")
@@ -168,7 +171,11 @@ def chosen(
     drive_objects: Sequence[int], pnus: Sequence[int], stations: Sequence[str], states: Sequence[str],
     start: str | None, end: str | None, all_frames: bool = False,
 ) -> Choice:  # fmt: skip
-    """The choice of the options."""
+    """The choice of the options.
+
+    Raises:
+        click.UsageError: words that say nothing.
+    """
     selection = Selection(
         tuple(part for text in transactions for part in _numbers(text)), known_rules(rules), tuple(devices),
         _states(states), all_frames=all_frames, stations=tuple(stations), drive_objects=tuple(drive_objects),

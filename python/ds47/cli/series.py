@@ -30,7 +30,13 @@ series_option = click.option(
 
 
 def tasks(paths: Sequence[str], series: bool, missing: Callable[[str], None]) -> list[Task]:
-    """What the paths of a command mean, in order; with `series` the files of a ring buffer are one."""
+    """What the paths of a command mean, in order; with `series` the files of a ring buffer are one.
+
+    Args:
+        paths: as for `ds47.batch.captures.captures`.
+        series: whether the option was given.
+        missing: as for `ds47.batch.captures.captures`.
+    """
     from ds47.batch.settings import passed_over
     from ds47.batch.tasks import in_folders, plan
 
@@ -54,7 +60,10 @@ def refuse_urls(paths: Sequence[str]) -> None:
 def missing_files(path: str, missing: Sequence[int]) -> str | None:
     """One line where files of a series are not there; None where all are.
 
-    What lacks before the first one is what a ring buffer has written over.
+    Args:
+        path: of the series.
+        missing: how many are missing before each of its files. What lacks before the first one is
+            what a ring buffer has written over.
     """
     lost = sum(missing[1:])
     return f"{path}: {counted(lost, 'file')} of this series missing" if lost else None

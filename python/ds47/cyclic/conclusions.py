@@ -24,7 +24,13 @@ DriveKey = tuple[str, str, int | None, int | None]
 
 
 class Conclusions:
-    """What is kept of transactions until the capture is over."""
+    """What is kept of transactions until the capture is over.
+
+    Args:
+        bounds: how much is too much.
+        layout: of IND, by the address of a device.
+        channels: those of the capture.
+    """
 
     def __init__(
         self, bounds: Limits, layout: Callable[[str], str], channels: CyclicChannels

@@ -26,7 +26,13 @@ _Which = tuple[int | None, int]
 
 @dataclass(slots=True)
 class Habits:
-    """The remembered requests of one relation."""
+    """The remembered requests of one relation.
+
+    Args:
+        where: arguments of findings about the drive: the device, its slot and its family of parameters.
+        bounds: how much is too much.
+        layout: of IND.
+    """
 
     where: dict[str, Any]
     bounds: Limits

@@ -32,7 +32,11 @@ _PZD_LENGTH = 4
 
 
 def parse_ppo(text: str) -> tuple[int, int]:
-    """A station of PROFIBUS and its PPO as they are typed: `3=ppo1`."""
+    """A station of PROFIBUS and its PPO as they are typed: `3=ppo1`.
+
+    Raises:
+        ValueError: what is wrong, and what is allowed.
+    """
     found = _PPO.fullmatch(text.strip())
     known = {row.number for row in profibus.ppos()}
     if found is None or int(found[1]) > _LAST_STATION or int(found[2]) not in known:
@@ -74,7 +78,11 @@ def parse(text: str) -> Name:
 
 
 def pairs(names: Sequence[Name]) -> list[tuple[Name, Name]]:
-    """Two and two of them: the direction from the controller, and that from the drive."""
+    """Two and two of them: the direction from the controller, and that from the drive.
+
+    Raises:
+        ValueError: one is left over, or two differ in their kind.
+    """
     if len(names) % 2:
         one = names[-1]
         raise ValueError(

@@ -81,7 +81,12 @@ class _Standing:
 
 @dataclass(slots=True)
 class Operation:
-    """What is wrong with the operation of one drive."""
+    """What is wrong with the operation of one drive.
+
+    Args:
+        where: arguments of every finding: the device and its slot.
+        bounds: how long is too long.
+    """
 
     where: dict[str, Any]
     bounds: Limits

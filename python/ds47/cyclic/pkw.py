@@ -68,10 +68,17 @@ class PkwMessage(NamedTuple):
 def decode(
     data: bytes, answer: bool, layout: str = CYCLIC, family: str | None = None
 ) -> PkwMessage:
-    """A request, or the answer of a drive, from its eight bytes; further ones are left alone.
+    """A request or an answer from its eight bytes; further ones are left alone.
 
-    `family` is that of the error numbers, one of `spec.cyclic.families()`; None takes all known ones. Raises
-    ValueError where there are fewer than eight bytes, KeyError where there is no such family.
+    Args:
+        data: the four words as they stand in the frame.
+        answer: whether the drive sent it.
+        layout: CYCLIC or USS.
+        family: of the error numbers, one of `spec.cyclic.families()`; None takes all known ones.
+
+    Raises:
+        ValueError: there are fewer than eight bytes.
+        KeyError: there is no such family.
     """
     if len(data) < LENGTH:
         raise ValueError(f"PKW is {LENGTH} bytes, and here are {len(data)}")
@@ -97,9 +104,17 @@ def decode(
 
 
 def encode(ak: int, pnu: int, subindex: int = 0, value: bytes = b"", layout: str = CYCLIC) -> bytes:
-    """The eight bytes of a request; subindex 255 is the whole array, the value ends with PWE2.
+    """The eight bytes of a request.
 
-    Raises ValueError where no page reaches the parameter number, or something is too large.
+    Args:
+        ak: what is asked for, 0 to 15.
+        pnu: the parameter, 0 to 65535.
+        subindex: 0 to 255; 255 is the whole array.
+        value: at most four bytes, which end with PWE2.
+        layout: CYCLIC or USS.
+
+    Raises:
+        ValueError: no page reaches the parameter number, or something is too large.
     """
     if not 0 <= subindex <= ALL_ELEMENTS:
         raise ValueError(f"subindex {subindex}: PKW has subindexes 0 to {ALL_ELEMENTS}")

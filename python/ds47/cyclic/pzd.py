@@ -37,7 +37,9 @@ def _is_stopping(stw1: int, ending: cyclic.Stopping) -> bool:
 def missing(stw1: int, setpoint: bool = True) -> tuple[cyclic.Needed, ...]:
     """The bits that a control word lacks, in the order in which a drive asks for them.
 
-    With `setpoint` also those without which it runs, but does not turn.
+    Args:
+        stw1: the control word.
+        setpoint: those too without which it runs, but does not turn.
     """
     return tuple(
         row for row in cyclic.needed() if not stw1 >> row.bit & 1 and (setpoint or not row.setpoint)

@@ -212,9 +212,12 @@ def _lengths(submodule: Submodule) -> tuple[int, int]:
 def fitting_telegrams(
     lengths: list[tuple[int, int]], vendor_id: int | None, pkw: bool
 ) -> tuple[int, ...]:
-    """The telegrams that a maker has, with or without PKW, with data (output, input) of one of these lengths.
+    """The telegrams that a maker has, with or without PKW, with process data of one of these lengths.
 
-    Without a maker a number above those of the profile is somebody's.
+    Args:
+        lengths: bytes, output and input.
+        vendor_id: the maker, None where nothing says it: a number above those of the profile is somebody's.
+        pkw: whether PKW stands beside or before it.
     """
     return tuple(row.number for row in _rows(lengths, pkw) if row.is_of(vendor_id))
 

@@ -142,9 +142,12 @@ def answer_too_long(
 ) -> Iterator[Remark]:
     """More was asked than one response can carry.
 
-    `stated` is r0974, if it was read; `longest` the longest response of the device that is known. `size_of`
-    gives the bytes of one value of a PNU, `read` only as the capture shows it: for what there is room, no list
-    says of this drive.
+    Args:
+        job: closed.
+        stated: r0974 of the device, bytes, if it was read.
+        longest: bytes of the longest response of the device, as far as it is known.
+        size_of: bytes of one value of a PNU.
+        read: the same, only as the capture shows it: for what there is room, no list says of this drive.
     """
     half, request, response = job.read_response, job.message, job.response
     if half is None or request is None or response is None or request.operation != "read":

@@ -86,9 +86,14 @@ def find(
 ) -> Repair | None:
     """The repair of a request, None if nothing is wrong or if it is not certain. Never raises.
 
-    `message` is the request decoded with the same `options`. `errors`: error number by number of the parameter,
-    from 0. `known_pnu` says whether there is such a parameter, from a table or because it has answered.
-    `family`: whose parameters the drive has, for the readable line.
+    Args:
+        request: the data of the Write record.
+        message: the same decoded with the same `options`.
+        errors: number of the parameter, from 0 -> error number, of those that were refused.
+        known_pnu: whether there is such a parameter, from a table or because it has answered.
+        known_format: the format code of a parameter where it is known.
+        options: dialects and vendor.
+        family: whose parameters the drive has, for the readable line.
     """
     # Twice the channel: data with a fill byte for each one. What is longer no program of a channel
     # sends, and the search would go over all of it several times.

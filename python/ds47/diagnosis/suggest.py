@@ -124,7 +124,9 @@ def as_format(format_code: int, values: list[Value]) -> Block | None:
 def only(message: Request, numbers: Sequence[int]) -> bytes:
     """The request with some of its parameters, numbered from 0, and nothing behind them.
 
-    It has a whole header; a change has a block for each parameter.
+    Args:
+        message: a decoded request with a whole header; a change with a block for each parameter.
+        numbers: which to keep, in their order.
     """
     addresses = [message.addresses[number] for number in numbers]
     blocks = [message.blocks[number] for number in numbers if number < len(message.blocks)]
@@ -141,11 +143,20 @@ def with_axis(data: bytes, axis: int) -> bytes:
 def with_elements(
     message: Request, data: bytes, number: int, subindex: int, elements: int
 ) -> bytes | None:
-    """The decoded request, from its bytes, with another subindex and number of elements for one parameter.
+    """The request with another subindex and number of elements for one parameter.
 
-    A change keeps as many values as there are elements then (0 elements: one value). None where there is no
-    such parameter, the fields do not fit, or the change has too few values, does not decode, or writes a text
-    or octets, of which no part is meant.
+    A change keeps as many values as there are elements then (0 elements: one value).
+
+    Args:
+        message: the decoded request.
+        data: its bytes.
+        number: the parameter, from 0.
+        subindex: of its first element.
+        elements: their number.
+
+    Returns:
+        None where there is no such parameter, the fields do not fit, or the change has too few
+        values, does not decode, or writes a text or octets, of which no part is meant.
     """
     fits = 0 <= subindex <= 0xFFFF and 0 <= elements <= 0xFF
     if not fits or not 0 <= number < len(message.addresses):

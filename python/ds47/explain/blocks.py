@@ -145,9 +145,14 @@ def _unknown(block: str, output: Output, value: int, lang: str) -> CodeMeaning:
 def _access(
     block: str, output: Output, value: int, lang: str, whole: bool
 ) -> Iterator[CodeMeaning]:
-    """Both readings of the two words of SINA_PARA(_S): the kind of error first, or the bits of the parameters.
+    """Both readings of the two words of SINA_PARA: the kind of error first, or the bits of the parameters.
 
-    `whole`: both words were written, not one of them alone.
+    Args:
+        block: SINA_PARA or SINA_PARA_S.
+        output: Status.
+        value: the double word, or a word alone.
+        lang: "en" or "zh".
+        whole: both words were written.
     """
     words, known = blocks.words(lang), blocks.of_output(block, output.name)
     high, low = value >> _WORD_BITS & _LOW, value & _LOW

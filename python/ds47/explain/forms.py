@@ -83,7 +83,11 @@ class Code:
 
 
 def read(text: str) -> Code:
-    """Reads a code in any of the forms in which people write it."""
+    """Reads a code in any of the forms in which people write it.
+
+    Raises:
+        UnknownFormError: it has none of them.
+    """
     plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
     plain = _EVENT.sub("16#", plain)
     if logged := _in_parts(text, plain.upper()):

@@ -23,7 +23,13 @@ from ds47.spec.statuses import status_hex, status_text
 def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[CodeMeaning]:
     """All that a code can mean, the likeliest first; what has no meaning comes last.
 
-    Without a vendor error numbers are of all known ones. Raises UnknownFormError where the text is not a code.
+    Args:
+        text: the code, see `read`.
+        lang: "en" or "zh".
+        vendor: of the error numbers; None takes all known ones.
+
+    Raises:
+        UnknownFormError: the text is not a code.
     """
     asked = blocks.asked(text)
     if asked is not None:

@@ -26,7 +26,12 @@ class _Span:
 
 
 class BusFrames:
-    """Tells which frames of a capture with PROFIBUS are wanted."""
+    """Tells which frames of a capture with PROFIBUS are wanted.
+
+    Args:
+        selection: what is wanted,
+        chosen: and what that is in this capture.
+    """
 
     def __init__(self, selection: Selection, chosen: Chosen) -> None:
         self._selection = selection

@@ -41,9 +41,12 @@ class Example:
 def examples(
     result: CaptureResult, rules: tuple[str, ...] = (), names: dict[str, str] | None = None
 ) -> list[Example]:
-    """The examples of a complete capture, the diagnoses first; those that have a frame.
+    """The examples of a capture, the diagnoses first; those that have a frame.
 
-    `rules`: how the wanted ids begin; none for all. `names` stand for the messages.
+    Args:
+        result: a complete one, with its transactions.
+        rules: how the ids of the wanted rules begin; none for all.
+        names: rule id -> name, to say these instead of the messages.
     """
     owners = {frame: each.id for each in result.transactions for frame in each.frames.all()}
     by_id = {each.id: each for each in result.transactions}

@@ -16,7 +16,11 @@ Original = str | Path | Sequence[SeriesPart]
 
 
 def opened(original: Original) -> Capture | Series:
-    """The capture from its beginning."""
+    """The capture from its beginning.
+
+    Raises:
+        ds47.capture.CaptureError: nothing can be read (of a series: says `problem`).
+    """
     return open_capture(original) if isinstance(original, str | Path) else Series(original)
 
 

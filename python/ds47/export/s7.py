@@ -19,7 +19,13 @@ from ds47.spec.semantics import limits
 
 
 class S7Frames:
-    """Tells which frames of a capture with S7 are wanted."""
+    """Tells which frames of a capture with S7 are wanted.
+
+    Args:
+        ports: of servers.
+        selection: what is wanted,
+        chosen: and what that is in this capture.
+    """
 
     def __init__(self, ports: Sequence[int], selection: Selection, chosen: Chosen) -> None:
         self._ports = frozenset(ports)

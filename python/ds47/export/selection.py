@@ -43,10 +43,15 @@ class Chosen:
 def choose(
     result: CaptureResult, selection: Selection, names: dict[str, str] | None = None
 ) -> Chosen:
-    """Applies a selection to a complete result of an analysis.
+    """Applies a selection to the result of an analysis.
 
-    `names` (by rule id) stand for the messages, which may hold names and values. Raises SelectionError for a
-    transaction or a device that this capture does not have.
+    Args:
+        result: a complete one, with its transactions.
+        selection: what is wanted.
+        names: rule id -> name, to say these instead of the messages (which may hold names and values).
+
+    Raises:
+        SelectionError: a transaction or a device that this capture does not have.
     """
     wanted, targets = Wanted(result, selection), Targets(result.transactions)
     wanted.check()

@@ -240,7 +240,17 @@ class Link:
         lost: Sequence[int] = (),
         error: int = 0,
     ) -> Link:
-        """BSEND. `total`: what it announces, where that is a lie. `lost`: segments without acknowledge."""
+        """BSEND.
+
+        Args:
+            r_id: R_ID of the block.
+            data: what it sends.
+            from_client: which end sends.
+            total: bytes that it announces, where that is a lie.
+            ended: whether the last segment says that it is the last one.
+            lost: numbers of segments, from 0, that are not acknowledged.
+            error: the error word of the last acknowledge.
+        """
         parts = cut(data, self.pdu)
         sequence = 0
         for number, part in enumerate(parts):

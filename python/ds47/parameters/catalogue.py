@@ -55,7 +55,13 @@ class Catalogue:
     def row(
         self, number: int, vendor_id: int | None, device_id: int | None
     ) -> CatalogueEntry | None:
-        """What a parameter is on a device; None for ids that are not known."""
+        """What a parameter is on a device.
+
+        Args:
+            number: of the parameter.
+            vendor_id: PROFINET vendor id, None where it is not known.
+            device_id: PROFINET device id, None where it is not known.
+        """
         fitting = (each for each in self.entries(number) if fits(each.list, vendor_id, device_id))
         return next(fitting, None)
 
@@ -71,7 +77,14 @@ class Catalogue:
     def message(
         self, number: int, letter: str, vendor_id: int | None, device_id: int | None
     ) -> ListedMessage | None:
-        """The text of a message on a device: one with this letter before any other one of its number."""
+        """The text of a message on a device: one with this letter before any other one of its number.
+
+        Args:
+            number: of the fault or alarm.
+            letter: "F" or "A".
+            vendor_id: PROFINET vendor id, None where it is not known.
+            device_id: PROFINET device id, None where it is not known.
+        """
         fit = [each for each, found in self.messages(number) if fits(found, vendor_id, device_id)]
         return next((each for each in fit if each.letter == letter), next(iter(fit), None))
 

@@ -27,7 +27,9 @@ _USUAL: Final[Mapping[str, tuple[str, ...]]] = {
 def guessed(cells: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
     """Where the columns are, if a row of cells is one of headings; else nothing.
 
-    `named`: key of COLUMNS -> heading, from the user; these must be there.
+    Args:
+        cells: the row.
+        named: key of COLUMNS -> heading, from the user; these must be there.
     """
     headings = [_plain(cell) for cell in cells]
     found: dict[str, int] = {}

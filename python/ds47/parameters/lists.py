@@ -91,10 +91,15 @@ class ParameterList:
 def read(
     path: Path, columns: Mapping[str, str] | None = None, sheet: str | None = None
 ) -> ParameterList:
-    """Reads a list from a .csv, .tsv, .txt, .xlsx or .toml file.
+    """Reads a list from a file; the ending says how.
 
-    `columns`: key of COLUMNS -> heading; missing keys are guessed from usual headings. Raises ListError where
-    the file cannot be read, or has neither parameters nor messages.
+    Args:
+        path: .csv, .tsv, .txt, .xlsx or .toml.
+        columns: key of COLUMNS -> heading of its column; missing keys are guessed from usual headings.
+        sheet: of a workbook; None takes the first one.
+
+    Raises:
+        ListError: the file cannot be read, or has neither parameters nor messages.
     """
     ending = path.suffix.lower()
     try:

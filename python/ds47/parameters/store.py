@@ -28,7 +28,11 @@ def folder() -> Path:
 
 
 def save(found: ParameterList) -> tuple[Path, bool]:
-    """Keeps a list under its name; where, and whether one of that name was replaced."""
+    """Keeps a list under its name; where, and whether one of that name was replaced.
+
+    Raises:
+        ListError: the folder cannot be written.
+    """
     from ds47.parameters.lists import ListError, write
 
     path = folder() / f"{file_name(found.name)}.toml"
@@ -61,7 +65,11 @@ def kept() -> list[tuple[Path, ParameterList]]:
 
 
 def remove(name: str) -> Path:
-    """Removes a list by its name, or that of its file."""
+    """Removes a list by its name, or that of its file.
+
+    Raises:
+        ListError: there is none, or it cannot be removed.
+    """
     from ds47.parameters.lists import ListError
 
     for path, found in kept():

@@ -28,6 +28,10 @@ class WorkbookError(Exception):
 def rows(path: Path, name: str | None) -> Iterator[list[str]]:
     """The cells of each row as texts.
 
+    Args:
+        path: the workbook.
+        name: of the sheet; None takes the first one.
+
     Raises:
         OSError, WorkbookError: it cannot be read.
     """

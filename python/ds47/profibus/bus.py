@@ -22,7 +22,12 @@ class ExchangeListener(NamedTuple):
 
 
 class BusTracker:
-    """One line of PROFIBUS."""
+    """One line of PROFIBUS.
+
+    Args:
+        listeners: hear of the exchanges, one after the other.
+        heard: gets each frame, and whether the recording has only a part of it.
+    """
 
     def __init__(
         self,

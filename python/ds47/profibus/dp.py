@@ -150,9 +150,10 @@ Content = SlaveDiagnosis | Parameters | Configuration | Control | DataExchange
 
 
 def service(item: Telegram) -> str | None:
-    """Which service of DP a frame belongs to (docs/profibus.md 3): an id of `spec.profibus.services()`, or "ms2".
+    """Which service of DP a frame belongs to (docs/profibus.md 3).
 
-    None where the SAPs stand for none.
+    Returns:
+        An id of `spec.profibus.services()`, "ms2", or None where the SAPs stand for none.
     """
     return item.front.service
 

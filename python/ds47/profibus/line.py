@@ -128,7 +128,12 @@ class Line:
         """and whether it is so the second of two, the fourth of four and so on."""
 
     def take(self, seen: LineFrame, cut: bool = False) -> Sequence[Exchange]:
-        """A frame, perhaps cut by the recording; gives the exchanges that are over with it, up to two."""
+        """A frame; gives the exchanges that are over with it, up to two.
+
+        Args:
+            seen: the frame.
+            cut: whether the recording did not keep all of it.
+        """
         item = seen.item
         if self._marks:
             self._lost.update(self._marks)

@@ -72,9 +72,11 @@ class Ms1Message:
 
 
 def decode(data: bytes, request: bool) -> Ms1Message:
-    """A message from the data unit of its frame, without SAPs, whatever that is (docs/profibus.md 4).
+    """A message from the data of its frame, whatever that is (docs/profibus.md 4).
 
-    `request`: whether the master sent it.
+    Args:
+        data: the data unit, SAPs not included.
+        request: whether the master sent it.
     """
     if not data:
         return Ms1Message(POLL if request else TAKEN)

@@ -222,8 +222,10 @@ class LineStations:
     def result(self, stray: int, echoes: int, timed: bool) -> Bus | None:
         """The line in the form of the report; None without frames.
 
-        `stray`: answers without a request, `echoes` those directly after the same answer. `timed`: whether
-        there are times.
+        Args:
+            stray: answers without a request.
+            echoes: stray answers directly after the same answer.
+            timed: whether the recording has times.
         """
         if not self.frames:
             return None
@@ -233,7 +235,12 @@ class LineStations:
         return Bus(self.frames, self.tokens, damaged, stray, stations)
 
     def frame(self, seen: LineFrame, cut: bool) -> None:
-        """A frame, before what it belongs to is known; that the recording cut it is no fault of the line."""
+        """A frame, before what it belongs to is known.
+
+        Args:
+            seen: the frame.
+            cut: whether the recording did not keep all of it; that is no fault of the line.
+        """
         self.frames += 1
         self.cut = self.cut or cut
         item, front = seen.item, seen.item.front

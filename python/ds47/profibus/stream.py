@@ -137,7 +137,9 @@ class TelegramReader:
 def split(data: bytes, border: bool = True) -> list[LinePiece]:
     """The frames of bytes that are all there, and what stands between them (docs/profibus.md 1).
 
-    `border`: whether a frame begins with the first one.
+    Args:
+        data: any bytes.
+        border: whether a frame begins with the first one.
     """
     reader = TelegramReader(border)
     return [*reader.feed(data), *reader.finish()]
@@ -159,7 +161,10 @@ def _begins(data: bytes, at: int) -> bool:
 def _proved(data: bytes, at: int, kind: str | None = None) -> int:
     """The bytes of the frame that begins here, where check byte and end byte are right; else 0.
 
-    `kind`: what to take its first byte for; None takes it as it is.
+    Args:
+        data: all bytes.
+        at: where the frame begins.
+        kind: what to take its first byte for; None takes it as it is.
     """
     first = data[at : at + 1] if kind is None else bytes((_code(kind),))
     head = first + data[at + 1 : at + 4]

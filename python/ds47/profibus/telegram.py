@@ -192,8 +192,9 @@ def check_byte(content: bytes) -> int:
 def size(data: bytes) -> int | None:
     """The length of the frame that begins here (docs/profibus.md 2).
 
-    None if no frame begins with this byte, if there are too few bytes to know, or if the length bytes of SD2
-    differ or are out of range.
+    Returns:
+        None if no frame begins with this byte, if there are too few bytes to know, or if the length bytes of SD2
+        differ or are out of range.
     """
     start = profibus.codes("start").get(data[0]) if data else None
     if start is None:
@@ -286,7 +287,16 @@ def encode(
 ) -> bytes:
     """The bytes of a frame: SD1 without data and SAPs, else SD2 (docs/profibus.md 2).
 
-    Raises ValueError where a number is out of range, or the data does not fit into a frame.
+    Args:
+        da: the destination station, 0 to 127.
+        sa: the source station, 0 to 126.
+        fc: the function code, 0 to 127.
+        du: its data.
+        dsap: the SAP at the destination, 0 to 63; None for none.
+        ssap: the SAP at the source.
+
+    Raises:
+        ValueError: a number is out of range, or the data does not fit into a frame.
     """
     if not (0 <= da <= ALL_STATIONS and 0 <= sa < ALL_STATIONS and 0 <= fc < _RESERVED):
         raise ValueError(f"no frame goes from {sa} to {da} with function code {fc}")

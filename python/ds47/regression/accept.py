@@ -23,7 +23,11 @@ class WhereError(Exception):
 
 
 def parse_where(conditions: Iterable[str]) -> dict[str, str]:
-    """`["pnu=964", "kind=value"]` as a mapping."""
+    """`["pnu=964", "kind=value"]` as a mapping.
+
+    Raises:
+        WhereError: unknown key, no value, or no number where one is needed.
+    """
     wanted: dict[str, str] = {}
     for condition in conditions:
         key, equals, value = condition.partition("=")
@@ -61,7 +65,14 @@ def merge(
     pairs: Sequence[tuple[int | None, int | None]],
     accepted: Sequence[Change],
 ) -> Json:
-    """The stored result with the accepted changes and nothing else taken over."""
+    """The stored result with the accepted changes and nothing else taken over.
+
+    Args:
+        stored: the stored capture object; it is not changed.
+        now: the present one.
+        pairs: which transaction is which (`ds47.regression.compare.Comparison`).
+        accepted: the changes to take over.
+    """
     result = deepcopy(stored)
     fields = [change for change in accepted if change.stored is not None and change.now is not None]
     for change in fields:

@@ -42,6 +42,10 @@ def path_of(capture: Path, own_name: str | None = None) -> Path:
     """Where the stored result of a capture stands.
 
     Captures of one folder that differ in nothing but their endings keep the ending in the name.
+
+    Args:
+        capture: the file, of a series the first one.
+        own_name: of a series that has a name of its own (`ds47.batch.tasks.Task.own_name`).
     """
     stem = own_name or _stem(capture.name)
     if own_name is None and _has_namesake(capture, stem):
@@ -156,7 +160,11 @@ def load(path: Path) -> Stored:
 
 
 def parse(text: str) -> Any:
-    """JSON as the contract has it: without NaN and infinity, which Python's would let pass."""
+    """JSON as the contract has it: without NaN and infinity, which Python's would let pass.
+
+    Raises:
+        ValueError, RecursionError: it is none.
+    """
 
     def refuse(word: str) -> None:
         raise ValueError(f"{word} is not a number in JSON")
@@ -168,6 +176,12 @@ def save(
     path: Path, stored: dict[str, Any], capture: str, version: str | None = __version__
 ) -> None:
     """Writes a stored result whole or not at all; the same content gives the same bytes anywhere.
+
+    Args:
+        path: where it stands.
+        stored: its `content`.
+        capture: the name of the file, of a series of its first one.
+        version: of the ds47 that analysed it.
 
     Raises:
         OSError: it cannot be written.

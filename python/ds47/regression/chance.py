@@ -18,7 +18,13 @@ _ROUNDING: Final = 1e-9
 def fisher(failed: int, passed: int, failed_too: int, passed_too: int) -> float:
     """Two-sided probability that two shares of failures differ so much by chance.
 
-    Fisher's exact test: it holds for any number of requests, one included. No number may be negative.
+    Fisher's exact test: it holds for any number of requests, one included.
+
+    Args:
+        failed: failures of one sample, `passed` its successes; neither may be negative.
+        passed: see there.
+        failed_too: failures of the other.
+        passed_too: its successes.
     """
     failures, size = failed + failed_too, failed + passed
     total = size + failed_too + passed_too
@@ -43,6 +49,10 @@ def mann_whitney(a: list[float], b: list[float]) -> float:
 
     The rank test of Mann and Whitney with the normal approximation, corrected for ties and for
     continuity; it asks nothing of the shape of the distributions, which latencies never give.
+
+    Args:
+        a: one sample, at least one value.
+        b: the other.
     """
     ranks = dict(_ranks(sorted(a + b)))
     size_a, size_b = len(a), len(b)

@@ -98,7 +98,15 @@ class Change:
 def compare(
     stored: Json, now: Json, config: Config, capture: Path, lang: str = "en"
 ) -> list[Change]:
-    """All changes, in the order of the transactions of the present result."""
+    """All changes, in the order of the transactions of the present result.
+
+    Args:
+        stored: the stored capture object.
+        now: the present one.
+        config: tolerances, masks and known findings.
+        capture: the file, for the patterns of the configuration.
+        lang: language of the texts, "en" or "zh".
+    """
     return list(Comparison(stored, now, config, capture, lang).changes())
 
 
@@ -245,12 +253,7 @@ class Comparison:
                 if was != now:
                     name = after.get("address") or before.get("address") or str(number + 1)
                     text = self._say(
-                        "change_field_of",
-                        where,
-                        field=key,
-                        name=name,
-                        was=_show(was),
-                        now=_show(now),
+                        "change_field_of", where, field=key, name=name, was=_show(was), now=_show(now)
                     )
                     yield Change(
                         "value" if key == "value" else "error" if key == "code" else "field", text,

@@ -128,7 +128,11 @@ class Config:
 
 
 def find(capture: Path) -> Config:
-    """The configuration for a capture: `ds47.toml` beside it or in the nearest folder above."""
+    """The configuration for a capture: `ds47.toml` beside it or in the nearest folder above.
+
+    Raises:
+        ConfigError: there is one and it cannot be used.
+    """
     return _for_folder(capture.resolve().parent)
 
 

@@ -36,7 +36,13 @@ SCRIPTS = (
 
 
 def page(found: Difference, lang: str = "en", *, everything: bool = False) -> str:
-    """The whole page as text."""
+    """The whole page as text.
+
+    Args:
+        found: what differs.
+        lang: "en" or "zh", the language that shows first.
+        everything: open also what was not compared.
+    """
     templates = shell.environment()
     otherwise = conclusions(found)
     plotted = {"durations": durations(found), "elements": _elements(found, otherwise)}

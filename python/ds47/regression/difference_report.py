@@ -30,10 +30,15 @@ def write(
     everything: bool = False,
     width: int | None = None,
 ) -> None:
-    """Writes a difference in one of FORMATS; `lang` is that of text and page.
+    """Writes a difference.
 
-    `everything` lists also what was not compared, which is else one line of text (JSON has it always). Without a
-    width a line of text is as long as it is.
+    Args:
+        found: what differs.
+        format_name: one of FORMATS.
+        stream: where to.
+        lang: "en" or "zh", the language of text and page.
+        everything: list also what was not compared, which is else one line of text (JSON has it always).
+        width: columns of a line of text; None: a line is as long as it is.
     """
     if format_name == "json":
         from ds47.report.json import laid_out

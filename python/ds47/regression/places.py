@@ -47,7 +47,12 @@ def attributed(capture: Json) -> Iterator[Json]:
 
 
 class Places:
-    """The places of both captures; devices with the same name are the same."""
+    """The places of both captures.
+
+    Args:
+        captures: the capture objects.
+        names: for each the names of its devices by IP address; the same name is the same device.
+    """
 
     def __init__(self, captures: Sequence[Json], names: Sequence[Mapping[str, str]]) -> None:
         self._shown = [_shown(*side) for side in zip(captures, names, strict=True)]

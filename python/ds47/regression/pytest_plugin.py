@@ -149,7 +149,11 @@ class CaptureItem(pytest.Item):
     subject: Task | Lonely
 
     def runtest(self) -> None:
-        """Analyses and compares."""
+        """Analyses and compares.
+
+        Raises:
+            Changed: something is not as it was stored, or cannot be read or compared.
+        """
         from ds47.regression.config import ConfigError
         from ds47.regression.run import Lonely, check
 

@@ -115,7 +115,11 @@ def result_of(
 def readable(
     task: Task, options: AnalysisOptions, expected: tuple[Expectation, ...] = ()
 ) -> CaptureResult:
-    """Analyses a capture, or a series with at least one readable file."""
+    """Analyses a capture, or a series with at least one readable file.
+
+    Raises:
+        ds47.capture.CaptureError: it cannot be read at all.
+    """
     result = read(task, options, expected=expected)
     if result.files and not any(file.readable for file in result.files):
         raise CaptureError(result.problem or "nothing can be read")
@@ -175,8 +179,15 @@ def check(
 ) -> CheckOutcome:
     """Compares a capture with its stored result. Problems with either file go to `error`.
 
-    `options` are those with which the result was stored. Without `fail_on` and `expected` those of `ds47.toml`
-    count; raises ConfigError where that cannot be used.
+    Args:
+        task: the capture or series.
+        options: how to analyse it; the same as when the result was stored.
+        fail_on: the least severity of a new finding that fails; None takes it from `ds47.toml`.
+        lang: language of the changes, "en" or "zh".
+        expected: what parameters should be; none takes it from `ds47.toml`.
+
+    Raises:
+        ds47.regression.config.ConfigError: the `ds47.toml` of the capture cannot be used.
     """
     capture = Path(task.path)
     settings = config.find(capture)
@@ -220,7 +231,11 @@ def _compare(
 
 
 def _stored(task: Task, path: Path) -> baseline.Stored:
-    """The stored result of a capture or series."""
+    """The stored result of a capture or series.
+
+    Raises:
+        ds47.regression.baseline.BaselineError: there is none, or it belongs to something else.
+    """
     try:
         stored = baseline.load(path)
     except baseline.NoBaselineError as problem:

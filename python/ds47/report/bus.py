@@ -74,7 +74,9 @@ def diagnoses(bus: Bus) -> Iterator[Both]:
 def hints(bus: Bus, relations: Sequence[Relation]) -> Iterator[Both]:
     """How to name the PPO of stations without a captured Chk_Cfg, if their data has the lengths of one.
 
-    `relations` are channels that are known already, those of a PPO that was named among them.
+    Args:
+        bus: the stations.
+        relations: channels that are known already, those of a PPO that was named among them.
     """
     known = {each.device for each in relations}
     for each in bus.stations:

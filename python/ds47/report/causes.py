@@ -68,7 +68,11 @@ def loaded(stored: Mapping[str, dict[str, Any]]) -> dict[str, CauseSummary]:
 
 
 def over_all(captures: Iterable[tuple[str, Mapping[str, CauseSummary]]]) -> list[dict[str, Any]]:
-    """The sums as objects of `ds47.overview/1`, worst first, then by the captures that have them."""
+    """The sums as objects of `ds47.overview/1`, worst first, then by the captures that have them.
+
+    Args:
+        captures: paths and what `of_capture` gave, in the order of the run: the first one is named.
+    """
     sums: dict[str, dict[str, Any]] = {}
     for path, diagnoses in captures:
         for rule, item in diagnoses.items():

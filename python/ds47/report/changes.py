@@ -102,7 +102,11 @@ class Writer:
             self._csv.writerow(COLUMNS)
 
     def capture(self, result: CaptureResult, selection: Selection) -> tuple[int, int]:
-        """Takes one complete result: how many changes were written, and how many are of no proved drive object."""
+        """Takes one complete result.
+
+        Returns:
+            How many changes were written, and how many more may be wanted: their drive object is not proved.
+        """
         found, unproved = _chosen(result, selection)
         if self._format == "csv":
             self._csv.writerows([_cell(each, name) for name in COLUMNS] for each in found)

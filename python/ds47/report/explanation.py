@@ -28,7 +28,13 @@ _LABELS: Final[Mapping[str, str]] = {
 
 
 def lines(meanings: Sequence[CodeMeaning], lang: str, width: int = WIDTH) -> Iterator[str]:
-    """The first meaning in full, of the others what they are, those without meaning in one line."""
+    """The first meaning in full, of the others what they are, those without meaning in one line.
+
+    Args:
+        meanings: what `ds47.explain.explain` gives.
+        lang: "en" or "zh".
+        width: columns of a line; a filter may be longer.
+    """
     words = explanations.words(lang)
     if _says_nothing(meanings, words):
         yield from wrap(meanings[0].title, max(width, _ONE_LINE), 2)

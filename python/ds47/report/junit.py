@@ -45,7 +45,13 @@ class Case:
 
 
 def write(cases: Sequence[Case], stream: TextIO, name: str = "ds47") -> None:
-    """Writes one test suite (the widely used JUnit 4 schema, as Jenkins and GitLab read it)."""
+    """Writes one test suite (the widely used JUnit 4 schema, as Jenkins and GitLab read it).
+
+    Args:
+        cases: in the order to be shown.
+        stream: a text stream in UTF-8.
+        name: of the suite.
+    """
     failures = sum(1 for case in cases if case.failure and case.error is None)
     errors = sum(1 for case in cases if case.error is not None)
     seconds = f"{sum(case.seconds for case in cases):.3f}"

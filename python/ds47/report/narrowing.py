@@ -29,7 +29,13 @@ from ds47.report.selection import Selection, Wanted
 
 
 def narrowed(result: CaptureResult, selection: Selection, criteria: str) -> CaptureResult:
-    """The part of a complete result that is wanted."""
+    """The part of a complete result that is wanted.
+
+    Args:
+        result: of the whole capture.
+        selection: what is wanted.
+        criteria: the same in words, as options of the command line.
+    """
     wanted = Wanted(result, selection)
     transactions, unproved = [], 0
     for item in result.transactions:

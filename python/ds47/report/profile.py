@@ -24,7 +24,11 @@ _MOST_NAME = 240
 
 
 def meaning(item: Parameter) -> Both | None:
-    """What values of the profile mean; None of any other parameter, or where they say it themselves."""
+    """What values of the profile mean; None of any other parameter, or where they say it themselves.
+
+    Args:
+        item: with a number, a subindex and values, and no error.
+    """
     if item.pnu not in NUMBERS or item.subindex is None:
         return None
     if item.pnu in (964, 974, 975):

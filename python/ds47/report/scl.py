@@ -37,7 +37,13 @@ _SPELLED: Final = {"BOOL": "Bool", "DINT": "DInt", "UINT": "UInt", "DWORD": "DWo
 def function_block(request: Request, line: str, lang: str = "en") -> str:
     """The source of a function block that makes this request, and takes its response apart.
 
-    Raises ValueError for one that is not whole, or that no record of 240 bytes takes.
+    Args:
+        request: a read or a change that is whole.
+        line: the request as it was written, for the head.
+        lang: "en" or "zh", of the comments.
+
+    Raises:
+        ValueError: it is another request, or one that no record of 240 bytes takes.
     """
     if request.request_id not in _OPERATIONS:
         raise ValueError("a function block is made of a read or a change, not of another request")

@@ -71,7 +71,12 @@ class Selection(NamedTuple):
 
 
 class Wanted:
-    """A selection in one capture."""
+    """A selection in one capture.
+
+    Args:
+        result: a complete one, with its transactions.
+        selection: what is wanted.
+    """
 
     def __init__(self, result: CaptureResult, selection: Selection) -> None:
         self._result, self._selection = result, selection
@@ -105,7 +110,11 @@ class Wanted:
         return {each.ip for each in found}, {each.mac for each in found if each.mac}
 
     def check(self) -> None:
-        """Looks whether what is named is there."""
+        """Looks whether what is named is there.
+
+        Raises:
+            SelectionError: a transaction or a device that this capture does not have.
+        """
         for name in self._selection.devices:
             if not any(self._named(name, self._partners)):
                 raise SelectionError(f"no device {name!r}; {self.devices()}")

@@ -109,7 +109,11 @@ def _key_words(key: str, lang: str, form: str) -> str:
 
 
 def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
-    """The sentence of a rule with these arguments."""
+    """The sentence of a rule with these arguments.
+
+    Raises:
+        KeyError: there is no such rule.
+    """
     row = rules()[rule]
     template = row.message_zh if lang == "zh" else row.message
     shown = _Shown(row, args, lang)

@@ -50,8 +50,11 @@ class Short:
     ) -> list[str]:
         """At most LINES lines: as many causes as have room, and the verdict again at the end.
 
-        `head` is more about the file, such as damage; `totals` the lines of the sums; of `asked`, the lines of
-        each transaction that somebody asked for, the first ones are shown.
+        Args:
+            digest: with at most CAUSES causes.
+            head: more about the file, such as damage.
+            totals: the lines of the sums.
+            asked: the lines of each transaction that somebody asked for; the first ones are shown.
         """
         rows = list(self._first(asked))
         most = min(len(digest.causes), _FEWER) if rows else len(digest.causes)

@@ -30,8 +30,14 @@ def table(
 ) -> list[str]:
     """Lines of at most `width` columns; None: as wide as the cells are.
 
-    `head`: the names of the columns, which stand in a card before each cell. `lead`: the cells in its first line.
-    `right`: whether all cells but the last end below each other. `indent`: blanks before each line.
+    Args:
+        rows: what stands in the cells.
+        width: columns of a line.
+        head: the names of the columns, which stand in a card before each cell.
+        lead: the cells in the first line of a card, by their numbers.
+        right: whether all cells but the last end below each other.
+        indent: blanks before each line.
+        paint: colours the names.
     """
     if not rows:
         return []

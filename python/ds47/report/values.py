@@ -46,7 +46,11 @@ def of_kind(known: tuple[Any, ...], **more: Any) -> Parameter:
 
 
 def meaning(item: Parameter) -> Both | None:
-    """What the values of a parameter mean; None if there is nothing to add."""
+    """What the values of a parameter mean; None if there is nothing to add.
+
+    Args:
+        item: with the values that were read or written.
+    """
     told, row = item.value_texts or {}, item.listed
     if item.error is not None or not item.values or not may_mean(about(item), bool(told)):
         return None

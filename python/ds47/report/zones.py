@@ -29,7 +29,11 @@ UNIVERSAL = Zone("UTC", UTC)
 
 
 def zone(text: str) -> Zone:
-    """`Europe/Berlin`, `UTC`, `local`, `+02:00`."""
+    """`Europe/Berlin`, `UTC`, `local`, `+02:00`.
+
+    Raises:
+        ValueError: the zone is unknown.
+    """
     if text.lower() == LOCAL:
         return Zone(LOCAL, None)
     if text.upper() in ("UTC", "Z"):

@@ -66,7 +66,12 @@ def is_clear(job: model.S7Job) -> bool:
 
 
 def accesses(job: model.S7Job, first: int) -> list[ItemAccess]:
-    """What a GET or PUT with a request does to memories that keep what is written."""
+    """What a GET or PUT with a request does to memories that keep what is written.
+
+    Args:
+        job: with its answer, or still without one.
+        first: the number of the first access.
+    """
     found: list[ItemAccess] = []
     for number, item in enumerate(job.items, first):
         address = item.address

@@ -56,7 +56,14 @@ class _Line:
 
 
 class Connections:
-    """All connections of a capture."""
+    """All connections of a capture.
+
+    Args:
+        ports: of servers.
+        bounds: how much is kept.
+        over: gets each finished job, after the listener.
+        listener: hears of what happens.
+    """
 
     def __init__(
         self,

@@ -124,7 +124,14 @@ class _Server:
 
 
 class Drives:
-    """What the capture has shown up to now."""
+    """What the capture has shown up to now.
+
+    Args:
+        kinds: of servers by IP address, as the user says (`spec.s7.cpus`).
+        shown: what else of the capture shows that an IP address is a drive: "cyclic", "device", "station";
+            `s7.CPU` that it is none; None.
+        most: servers that are remembered.
+    """
 
     def __init__(
         self, kinds: Mapping[str, str], shown: Callable[[str], str | None], most: int

@@ -21,7 +21,13 @@ Hear = Callable[[model.S7Job], None]
 
 
 class Jobs:
-    """The open jobs of all connections."""
+    """The open jobs of all connections.
+
+    Args:
+        bounds: how many may be open, how long, and how many bytes they may take.
+        asked: gets each job at its request.
+        over: gets each finished job.
+    """
 
     def __init__(self, bounds: Limits, asked: Hear, over: Hear) -> None:
         self._bounds = bounds

@@ -45,7 +45,15 @@ class _Crowd:
 
 
 class S7Judge(model.S7Listener):
-    """Hears of connections."""
+    """Hears of connections.
+
+    Args:
+        bounds: times, and how much is kept.
+        remark: gets each problem of a job at once.
+        blocks: what partners copy at once, as the user says.
+        readback: whether a read must return what was written (DS916).
+        drives: which partners are drives, not CPUs; None: unknown.
+    """
 
     def __init__(
         self,

@@ -18,7 +18,13 @@ _TCP = 6
 
 
 class LateCommunication:
-    """As `Communication`. Remembers which devices have a parameter channel."""
+    """As `Communication`. Remembers which devices have a parameter channel.
+
+    Args:
+        ports: wanted TCP ports; empty if S7 is not wanted.
+        make: gives the communication.
+        most: devices that are remembered.
+    """
 
     def __init__(self, ports: Sequence[int], make: Callable[[], Communication], most: int) -> None:
         self.ports, self._make, self._most = ports, make, most

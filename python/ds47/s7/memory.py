@@ -171,9 +171,12 @@ class Memory:
         instead: Sequence[ItemAccess] = (),
         whole: ItemAccess | None = None,
     ) -> MixedBytes | None:
-        """What one read gave, if it never was in the memory at one moment; None where it may have been.
+        """What was read, if it never was in the memory at one moment; None where it may have been.
 
-        `instead`: the parts of a write that wants to be one, and `whole`, that write.
+        Args:
+            parts: of one read.
+            instead: the parts of a write that wants to be one,
+            whole: and the write as one.
         """
         one = [] if whole is None else [whole]
         begin = min(each.asked_ns for each in (*parts, *one))
@@ -246,7 +249,12 @@ class Memory:
             self.forget(max(each.answered_ns or 0 for each in self._history))
 
     def _cut(self, most: int, time_ns: int = NEVER) -> int:
-        """How many of the oldest accesses, `most` at the most, were over before a time and all others began."""
+        """How many of the oldest accesses, which are sorted, were over before a time and all others began.
+
+        Args:
+            most: at the most.
+            time_ns: that time.
+        """
         begins = min([time_ns, *[each.asked_ns for each in self._open.values()]])
         history, latest, found = self._history, -NEVER, 0
         for n, each in enumerate(history[:most], 1):

@@ -352,10 +352,13 @@ class S7Listener:
         """The setup was answered: `pdu_length` and `parallel` are there."""
 
     def refused(self, connection: S7Connection, why: str, at: At, code: int) -> None:
-        """A connection was not established, as this frame shows.
+        """A connection was not established.
 
-        `why`: "no_confirm" (CR without CC), "disconnect" (DR), "reset" (RST of the server), "setup" (refused).
-        `code`: reason of DR, or error class and code of the setup; else 0.
+        Args:
+            connection: it.
+            why: "no_confirm" (CR without CC), "disconnect" (DR), "reset" (RST of the server), "setup" (refused).
+            at: the frame that shows it.
+            code: reason of DR, or error class and code of the setup; else 0.
         """
 
     def larger(self, connection: S7Connection, from_client: bool, at: At, size: int) -> None:

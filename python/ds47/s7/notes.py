@@ -47,8 +47,12 @@ class Notes:
     ) -> Note | None:
         """It happened, perhaps again; None where there is no room for one more thing.
 
-        `key` tells it from others of the rule; `args` are of the remark, the first time, `also` further frames
-        of it.
+        Args:
+            rule: what it is,
+            key: and what tells it from others of the rule.
+            frame: where it shows.
+            args: of the remark, the first time.
+            also: further frames that it is about.
         """
         note = self._notes.get((rule, *key))
         if note is None:

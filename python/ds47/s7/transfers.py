@@ -49,7 +49,13 @@ class _Open:
 
 
 class Transfers:
-    """The open BSEND of all connections."""
+    """The open BSEND of all connections.
+
+    Args:
+        bounds: how many may be open.
+        asked: gets each transfer at its first segment.
+        over: gets each finished transfer.
+    """
 
     def __init__(self, bounds: Limits, asked: Hear, over: Hear) -> None:
         self._bounds = bounds

@@ -291,7 +291,11 @@ def format_named(name: str) -> Format | None:
 
 @cache
 def dialect(name: str) -> Mapping[int, int]:
-    """Format codes of a dialect -> the code of `formats()` with the same meaning."""
+    """Format codes of a dialect -> the code of `formats()` with the same meaning.
+
+    Raises:
+        KeyError: there is no dialect of that name.
+    """
     tables = {row["name"]: dict(row["codes"]) for row in _load("formats.toml")["dialect"]}
     return MappingProxyType(tables[name])
 
@@ -386,10 +390,14 @@ MAKERS: Final = range(0x65, 0x100)
 
 @lru_cache(maxsize=4096)
 def error_text(code: int | None, lang: str = "en", vendor_id: int | None = None) -> str:
-    """What an error number means, in words (docs/protocol.md B); empty for None.
+    """What an error number means, in words (docs/protocol.md B).
 
-    Numbers from 0x65 on belong to the vendor. Without its PROFINET id the text gives the meaning on SINAMICS,
-    marked as such. For a vendor without a table it gives no meaning.
+    Args:
+        code: error value 1, 0..0xFFFF; the text for None is empty.
+        lang: "en" or "zh"; anything else gives English.
+        vendor_id: PROFINET vendor id of the device. Numbers from 0x65 on belong to the vendor.
+            Without an id the text gives the meaning on SINAMICS, marked as such. For a vendor without
+            a table it gives no meaning.
     """
     if code is None:
         return ""

@@ -178,7 +178,11 @@ def _errors() -> Mapping[int, tuple[str, str]]:
 
 @cache
 def error_codes(family: str | None = None) -> frozenset[int]:
-    """The error numbers of a family of drives; without one, of all families."""
+    """The error numbers of a family of drives; without one, of all families.
+
+    Raises:
+        KeyError: there is no family of that name.
+    """
     if family is None:
         return frozenset(_errors()).union(*(maker.pkw for maker in vendors()))
     named = {row["name"]: frozenset(row["errors"]) for row in _load("pkw.toml")["family"]}
@@ -188,7 +192,11 @@ def error_codes(family: str | None = None) -> frozenset[int]:
 def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str | None:
     """What an error number of PKW means, in "en" or "zh" (docs/cyclic.md 2); None if unknown.
 
-    The table of the maker goes before the profile's, and numbers above those of the profile belong to the maker.
+    Args:
+        code: the number.
+        lang: "en" or "zh".
+        vendor_id: PROFINET vendor id of the device. Its maker's table goes before the profile's, and numbers above
+            those of the profile belong to the maker.
     """
     maker = None if vendor_id is None else vendor(vendor_id)
     if maker is not None and code in maker.pkw:
@@ -250,7 +258,7 @@ def bit_words() -> tuple[str, ...]:
 
 @cache
 def bits(word: str, family: str | None = None) -> tuple[Bit, ...]:
-    """The bits of a word of `bit_words`, in order: all sixteen of "stw1" and "zsw1", of others those they have.
+    """The bits of a word, in order: sixteen of "stw1" and "zsw1", and those that words of other telegrams have.
 
     Args:
         word: one of `bit_words`.

@@ -89,7 +89,12 @@ def prefixes() -> Mapping[int, str]:
 
 @lru_cache(maxsize=1024)
 def unit(quantity: int, conversion: int) -> str | None:
-    """The unit of a variable attribute: `kW`, `10^-1 °C`; None where the tables do not know it."""
+    """The unit of a variable attribute: `kW`, `10^-1 °C`; None where the tables do not know it.
+
+    Args:
+        quantity: the variable index, 0..255.
+        conversion: the conversion index, -128..127.
+    """
     known, own = quantities().get(quantity), own_units().get((quantity, conversion))
     if known is None or own is not None:
         return own

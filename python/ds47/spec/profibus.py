@@ -128,7 +128,8 @@ def service_id(
 ) -> str | None:
     """The service of DP that a frame with this function belongs to, by the SAPs of slave and master.
 
-    An id of `services()`, "ms2", or None where the SAPs stand for none.
+    Returns:
+        An id of `services()`, "ms2", or None where the SAPs stand for none.
     """
     if code is None:
         return None

@@ -19,7 +19,9 @@ def status_hex(status: int) -> str:
 def status_text(status: int, lang: str = "en") -> str:
     """A status in words: `read: access: state conflict`.
 
-    ErrorCode is in the highest byte, for either byte order on the wire.
+    Args:
+        status: 32 bits, ErrorCode in the highest byte, for either byte order on the wire.
+        lang: "en" or "zh"; anything else gives English.
     """
     words = spec.status(lang)
     if status == 0:

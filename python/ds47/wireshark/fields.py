@@ -48,7 +48,11 @@ class Fields:
 
 
 def read(source: str | Path | BinaryIO) -> Fields:
-    """Reads PDML, packet by packet, so that memory grows with the transactions only."""
+    """Reads PDML, packet by packet, so that memory grows with the transactions only.
+
+    Raises:
+        xml.etree.ElementTree.ParseError: the text is no XML, or ends early.
+    """
     transactions: dict[int, dict[str, Any]] = {}
     findings: list[dict[str, Any]] = []
     events: list[dict[str, Any]] = []

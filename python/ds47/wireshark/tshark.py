@@ -133,9 +133,15 @@ def own_settings() -> Iterator[None]:
 
 
 def ask(tshark: Tshark, capture: Path, preferences: Sequence[str]) -> Answer:
-    """Runs a capture through tshark (from `prepare`) in two passes, and reads what the plugin says.
+    """Runs a capture through tshark in two passes, and reads what the plugin says.
 
-    Preferences are as for `-o`: `ds47.language:zh`. Raises StoppedError where tshark did not get to the end.
+    Args:
+        tshark: from `prepare`.
+        capture: a file.
+        preferences: as for `-o`: `ds47.language:zh`.
+
+    Raises:
+        StoppedError: tshark did not get to the end.
     """
     arguments = ["-X", f"lua_script:{tshark.script}", "-2", "-R", "frame"]
     arguments += ["-Y", _SHOWN, "-J", _TREES]

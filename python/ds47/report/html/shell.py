@@ -36,7 +36,13 @@ def environment() -> Any:
 
 
 def known(templates: Any, lang: str, scripts: Sequence[str]) -> dict[str, Any]:
-    """The names that a template of a whole page has."""
+    """The names that a template of a whole page has.
+
+    Args:
+        templates: the environment.
+        lang: "en" or "zh", the language that shows first.
+        scripts: the files of templates/report/ that make the one script of the page, in this order.
+    """
     words = PageWords(lang)
     script = script_of(templates, scripts)
     return {

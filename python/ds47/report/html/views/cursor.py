@@ -60,7 +60,12 @@ def readings(
 ) -> dict[str, Any]:  # fmt: skip
     """What a drawing can tell, as the page takes it.
 
-    `jobs`: lane, transaction and words of each that it shows. `frames`: time to number of those shown one by one.
+    Args:
+        timeline: the drive.
+        jobs: lane, transaction and words of each job that the drawing shows.
+        reach: the times of the drawing.
+        reference: what 100 % is; None if unknown.
+        frames: time to number, of the frames that the drawing shows one by one.
     """
     texts, rows = _Texts(), timelines.rows(timeline)
     lanes: dict[str, list[list[int | None]]] = {}
