@@ -253,7 +253,12 @@ class Comparison:
                 if was != now:
                     name = after.get("address") or before.get("address") or str(number + 1)
                     text = self._say(
-                        "change_field_of", where, field=key, name=name, was=_show(was), now=_show(now)
+                        "change_field_of",
+                        where,
+                        field=key,
+                        name=name,
+                        was=_show(was),
+                        now=_show(now),
                     )
                     yield Change(
                         "value" if key == "value" else "error" if key == "code" else "field", text,
