@@ -1,4 +1,4 @@
-"""What docs/developers/upstream.md says of Wireshark's own decoder: the comparison in tools/, and the patch."""
+"""What docs/developers/upstream.md says of Wireshark's own decoder: the comparison in tools/, and the patches."""
 
 from __future__ import annotations
 
@@ -43,11 +43,19 @@ def test_the_frames_that_the_page_names_do_not_agree(name: str) -> None:
     assert f"| `{name}` | 0 of 1 | 0 of 1 | 1 of 1 |" in PAGE
 
 
-def test_the_patch_is_one() -> None:
+PATCHED = ("plugins/epan/profinet/packet-dcerpc-pn-io.c", "test/suite_dissection.py")
+
+
+@pytest.mark.parametrize(
+    ("name", "files"), [("upstream", PATCHED[:1]), ("upstream-links", PATCHED)]
+)
+def test_a_patch_is_one(name: str, files: tuple[str, ...]) -> None:
     """Each hunk has as many lines as its head says: `patch` takes no other."""
-    patch = (ROOT / "tools/upstream.patch").read_text("utf-8")
-    head, *hunks = re.split(r"^(?=@@ )", patch, flags=re.MULTILINE)
-    assert head.splitlines()[0].startswith("--- a/plugins/epan/profinet/packet-dcerpc-pn-io.c")
+    patch = (ROOT / f"tools/{name}.patch").read_text("utf-8")
+    heads = re.findall(r"^--- a/(\S+)\n\+\+\+ b/(\S+)\n", patch, flags=re.MULTILINE)
+    assert heads == [(each, each) for each in files]
+    hunks = re.split(r"^(?=@@ )|^(?=--- a/)", patch, flags=re.MULTILINE)
+    hunks = [each for each in hunks if each.startswith("@@ ")]
     assert len(hunks) > 5
     for hunk in hunks:
         first, *lines = hunk.splitlines()
@@ -56,3 +64,10 @@ def test_the_patch_is_one() -> None:
         before, after = (int(number or 1) for number in found.groups())
         assert sum(line[0] in " -" for line in lines) == before
         assert sum(line[0] in " +" for line in lines) == after
+
+
+def test_fields_of_the_second_patch_stand_in_the_page() -> None:
+    patch = (ROOT / "tools/upstream-links.patch").read_text("utf-8")
+    new = re.findall(r'^\+ *{ "[^"]+", "(pn_io\.\S+)"', patch, flags=re.MULTILINE)
+    assert len(new) == 3
+    assert all(f"`{field}`" in PAGE for field in new)

@@ -31,6 +31,8 @@ COUNTS = "280x20+870+699"
 NOT_OK = 'ds47.state != "ok"'
 SHIFT_BY, APPLY = (640, 219), (810, 425)
 """The field and the button of Edit > Time Shift, which opens in the middle of the main window."""
+PREFERENCES, SEARCH, FOUND = (900, 650), (420, 32), ((700, 117), (700, 101))
+"""Edit > Preferences > Advanced: the field to search in, and the one line found, in 4.0 and from 4.4 on."""
 
 pytestmark = [pytest.mark.slow, pytest.mark.plugin]
 
@@ -119,7 +121,23 @@ def shift(shark: Any) -> None:
     shark.close_window(dialog)
 
 
-@pytest.mark.parametrize("anew", [reload, open_next, shift])
+def prefer(shark: Any) -> None:
+    """Edit > Preferences: a Boolean one is another when its line is clicked twice."""
+    shark.focus(shark.main)
+    shark.keys("ctrl+shift+p")
+    dialog = shark.window("Preferences")
+    shark.place(dialog, *PREFERENCES)
+    shark.focus(dialog)
+    shark.keys("End")
+    shark.click(*SEARCH)
+    shark.type("ds47.assume_sinamics")
+    for line in FOUND:
+        shark.click(*line, repeat=2)
+    shark.keys("Return", wait=1)
+    assert dialog not in shark.windows()
+
+
+@pytest.mark.parametrize("anew", [reload, open_next, shift, prefer])
 def test_the_list_is_complete_by_itself(shark: Any, anew: Callable[[Any], None]) -> None:
     assert settled(shark) == by_hand(shark), "as it was opened"
     anew(shark)
