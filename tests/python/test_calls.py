@@ -354,6 +354,19 @@ def test_activities_are_bounded_and_the_one_that_spoke_last_stays() -> None:
     assert heard.feed(copy).names[5:] == [], "of one that is forgotten, too, a copy is no call"
 
 
+def test_the_oldest_connect_is_forgotten_beyond_the_limit() -> None:
+    first = calls()
+    connect = later(first[0], SECOND, opnum=wire.CONNECT, activity=bytes(16))
+    others = [
+        other(connect, client=f"10.0.0.{number}", activity=bytes((number,)) * 16)
+        for number in range(1, 4)
+    ]
+    again = later(first[0], 2 * SECOND)
+    for more, names in ((others[:1], ["asked"]), (others, ["again"])):
+        heard = Heard(LIMITS.but(activities=2)).feed(*first, connect, *more)
+        assert heard.feed(again).names[-1:] == names
+
+
 def test_of_calls_with_a_response_only_a_connect_keeps_its_request() -> None:
     tracker = CallTracker(LIMITS)
     kept = []
