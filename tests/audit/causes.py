@@ -912,6 +912,7 @@ def _unsaved(case: Case) -> Iterator[str]:
     known = [save for each in here for save in saves(case.reading, each)]
     gaps = case.reading.gaps
     hole = gaps.newest_gap(str(case.args.get("device")))
+    hole = max([hole, *_unproven(case.reading, str(case.args.get("device")))])
     known += [((hole, 0), each, True, False) for each in here[:1]]  # a save may be missing there
     kept: list[tuple[int, Deal]] = []
     named: set[int] = set()
@@ -950,6 +951,8 @@ def saves(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, Deal, bool, bo
     """When which transaction may have saved, whether all drive objects, and whether that is known."""
     if _unasked_change(reading, deal):
         yield (deal.read or 0, deal.id), deal, True, False
+    if _may_hide_changes(reading, deal):
+        yield (deal.write or 0, deal.id), deal, True, False
     for pnu, done in _outcomes(reading, deal):
         if pnu in (SAVE_ONE, SAVE_ALL) and done is not False:
             yield (deal.write or 0, deal.id), deal, pnu == SAVE_ALL, bool(done)
@@ -965,8 +968,40 @@ def _lasting(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, bool, list[
         other = reading.vendors.get(deal.device) not in (None, SIEMENS)
         if done is not False and not saves and pnu not in volatile(other):
             found.setdefault(done is True and None not in behind, []).append(pnu)
+    if _may_hide_changes(reading, deal):  # whatever it is: it may save those, or be lost itself
+        found = {False: []}
     for seen, pnus in found.items():
         yield (deal.write or 0, deal.id), seen, pnus
+
+
+def _unproven(reading: Reading, device: str) -> Iterator[int]:
+    """The Writes to index 47 of which the capture has the begin alone, as of a change, and which nothing proves."""
+    proven = {deal.write for deal in reading.deals}
+    for each in reading.capture.records:
+        begins = each.write and (each.device, each.index) == (device, 47) and each.short
+        if (
+            begins
+            and not each.status
+            and each.asked not in proven
+            and each.data[1:2] in (b"", b"\x02")
+        ):
+            yield each.asked
+
+
+def _may_hide_changes(reading: Reading, deal: Deal) -> bool:
+    """Whether a request that the capture cut before all its addresses may have changed what is behind the cut."""
+    asked, answer = deal.asked, deal.answer
+    if asked is None or not deal.cut or not _was_taken(reading, deal):
+        return False
+    if asked.id is not None and (deal.operation != "change" or len(asked.addresses) == asked.count):
+        return False
+    if answer is None or not deal.fits or answer.id is None:
+        return True
+    if answer.id == 0x80 or (asked.id is None and answer.id not in (0x02, 0x82)):
+        return False
+    behind = answer.blocks[len(asked.addresses) :]
+    total = asked.count if asked.count is not None else answer.count or 256
+    return len(asked.addresses) + len(behind) < total or not all(each.failed for each in behind)
 
 
 def _unasked_change(reading: Reading, deal: Deal) -> bool:
@@ -999,14 +1034,18 @@ def _surely_one(memory: Memory, deal: Deal, other: Deal) -> bool:
     return memory.same(memory.target(deal), memory.target(other)) == SURE
 
 
+def _was_taken(reading: Reading, deal: Deal) -> bool:
+    """Whether nothing shows that its Write was refused."""
+    call = reading.call_at.get(deal.write or 0)
+    told = call.response if call else None
+    return not deal.write_status and (told is None or told.kind not in (wire.FAULT, wire.REJECT))
+
+
 def _outcomes(reading: Reading, deal: Deal) -> Iterator[tuple[int, bool | None]]:
     """The parameters of a change in their order, and whether each was changed; None where nobody knows."""
     asked, answer = deal.asked, deal.answer
-    if asked is None or deal.operation != "change" or deal.write_status:
+    if asked is None or deal.operation != "change" or not _was_taken(reading, deal):
         return
-    call = reading.call_at.get(deal.write or 0)
-    if call and call.response and call.response.kind in (wire.FAULT, wire.REJECT):
-        return  # nothing was written
     for number, address in enumerate(asked.addresses):
         if answer is None or not deal.fits:
             yield address.pnu, None

@@ -10,10 +10,12 @@ from typing import Any
 import pytest
 from talk import job
 
+from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import STATUS_NOT_READY, Job
 from ds47.diagnosis import capture
 from ds47.diagnosis.capture import WholeCapture
 from ds47.lab import message
+from ds47.profidrive import decode_request, decode_response
 from ds47.profinet.completeness import Completeness, Missing, Numbers
 from ds47.profinet.records import Half, Peer, Record
 from ds47.profinet.rpc import Pdu
@@ -484,6 +486,54 @@ def test_of_several_parameters_those_count_that_were_changed() -> None:
     )
     none = message.answer(1, 0x82, 1, message.error(0x11), message.error(0x11))
     assert unsaved(changes(1, *pairs, answer=none)) is None
+
+
+def cut(frame: int, shown: int, answer: bytes | None, *pairs: tuple[bytes, bytes]) -> Job:
+    """A change of which the capture has the first bytes alone."""
+    data = message.change(1, 1, *(pairs or ((FIXED, TEN), SAVE_ALL)))
+    made = job(data, answer, frame=frame)
+    made.write_request = Half(
+        frame, frame, data[:shown], len(data), len(data) - shown, cut=shown < len(data)
+    )
+    made.message = decode_request(data[:shown], cut=True)
+    made.response = None if answer is None else decode_response(answer, made.message)
+    made.stray = is_mismatch(made)
+    return made
+
+
+REFUSED = message.answer(1, 0x82, 1, message.done(), message.error(0x11))
+HALF_DONE = message.answer(1, 0x82, 1, message.error(0x11), message.done())
+DONE = message.changed(1, 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("shown", "answer"),
+    [(15, DONE), (10, DONE), (10, None), (10, HALF_DONE), (10, HALF_DONE[:8]), (4, DONE), (1, DONE), (0, None)],
+)  # fmt: skip
+def test_what_the_capture_cut_off_a_change_may_be_a_save(shown: int, answer: bytes | None) -> None:
+    assert unsaved(changes(1), cut(5, shown, answer)) is None
+    assert unsaved(cut(1, shown, answer), changes(5)) == (
+        1, 1, 1, 5, 5, "unsaved_object", "some_unknown",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("shown", "answer"),
+    [(10, REFUSED), (16, HALF_DONE), (10, message.header(1, 0x80, 1, 0)), (1, message.answer(1, 1, 1, TEN))],
+)  # fmt: skip
+def test_what_was_cut_off_and_not_changed_saves_nothing(shown: int, answer: bytes) -> None:
+    """Refused, there after all, or of a read."""
+    other = (FIXED, TEN), (message.address(2901), TEN)
+    told = unsaved(changes(1), cut(5, shown, answer, *other))
+    assert told is not None
+    assert told[6] == "all_known"
+
+
+def test_a_change_at_index_47_that_nothing_proves_may_be_a_save() -> None:
+    whole = Whole(changes(1), changes(11, device="e"))
+    whole.foreign(5, 47, CHANGE[:10], status=0)
+    whole.foreign(15, 47, CHANGE[:10], device="e")
+    assert [args["device"] for _, _, args in whole.of("DS721")] == ["e"]
 
 
 @pytest.mark.parametrize(

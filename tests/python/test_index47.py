@@ -6,10 +6,17 @@ import pytest
 
 from ds47.acyclic.index47 import ArKey, Index47
 from ds47.profidrive import decode_request
+from ds47.profinet.records import Half, Peer, Record
 from ds47.spec import attributes, formats
 
 AR: ArKey = ("192.168.133.2", "192.168.133.33", b"A" * 16)
 OTHER: ArKey = (*AR[:2], b"B" * 16)
+
+
+def write(ar: ArKey, data: bytes, cut: int = 0) -> Record:
+    """A Write to slot 1, subslot 1, without its last bytes."""
+    half = Half(7, 0, data, len(data) + cut, cut, cut=cut > 0)
+    return Record(True, False, ar[2], 0, 1, 1, 47, 0, half, None, Peer(ar[0], ar[1]))
 
 
 class Door(Index47):
@@ -118,7 +125,7 @@ def test_a_question_proves_until_too_much_waits_or_an_echo_comes() -> None:
     for ar in (AR, OTHER):
         assert gate.pass_on(ar, "before") == ()
         assert gate.pass_on(ar, "question", asks=True) == ["before", "question"]
-        gate.asked(ar, place, request, bytes(10))
+        gate.asked(write(ar, bytes(10)), request)
     assert gate.pass_on(AR, "behind") == ["behind"]
     assert not gate.passes(AR, 47)
     assert not gate.waits(AR[1])
@@ -141,3 +148,28 @@ def test_no_response_begins_as_a_question_does_but_by_a_format_that_is_an_attrib
     if code in attributes():
         assert code in (0x10, 0x20, 0x30)
         assert formats()[code].size in (12, 4, None)
+
+
+@pytest.mark.parametrize(
+    ("data", "whole", "told"),
+    [
+        ("01020102 1001 0b54 0000", 34, True),
+        ("01", 34, True),
+        ("01010102 1001 0b54 0000", 34, False),  # a read
+        ("01020101 1001 0b54 0000 0801 41200000", 16, False),  # all of it
+    ],
+)
+@pytest.mark.parametrize("proven", [False, True])
+def test_a_change_that_the_capture_cut_is_told_where_nothing_proves_it(
+    data: str, whole: int, told: bool, proven: bool
+) -> None:
+    outcomes: list[object] = []
+    gate, there = Index47(frozenset(), 4, outcomes=outcomes), bytes.fromhex(data)
+    gate.pass_on(AR, "asked")
+    asked = write(AR, there, cut=whole - len(there))
+    gate.asked(asked, decode_request(there, cut=len(there) < whole))
+    gate.heard(AR, 7, asks=True)
+    if proven:
+        gate.pass_on(AR, "answered", proves=True)
+    list(gate.unproven())
+    assert outcomes == ([("foreign", asked, None)] if told and not proven else [])

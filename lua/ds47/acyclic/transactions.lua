@@ -71,7 +71,7 @@ local function outcome(job)
     done = done - 1 -- the last value is incomplete
   end
   local asked, cut = parameters_asked(job), job.read_response.cut
-  if cut or asked == nil then
+  if (cut or asked == nil) and done + failed ~= asked then
     local fewer = asked ~= nil and (response.parameter_count or asked) < asked
     local sure = not cut or asked == 1 or asked == failed
     return outcome_as_far_as_seen(done, failed, negative or fewer, sure)

@@ -13,6 +13,7 @@ from typing import Any
 
 from ds47.profidrive import Options, Request, decode_response
 from ds47.profidrive.parameter import kind_fits
+from ds47.profinet.records import Record
 from ds47.spec.layouts import RECORD_PROFIDRIVE_API
 
 ALWAYS = frozenset({0xB02E, 0xB02F})
@@ -49,7 +50,7 @@ def _is_echo(sent: bytes, data: bytes) -> bool:
 class _Waiting:
     """The waiting events of one AR."""
 
-    __slots__ = ("asked", "asks", "events", "first", "question", "records", "stores")
+    __slots__ = ("asked", "asks", "cut", "events", "first", "question", "records", "stores")
 
     def __init__(self, most: int) -> None:
         self.events: deque[Event] = deque(maxlen=most)
@@ -65,6 +66,8 @@ class _Waiting:
         """The number of records: requests, and responses without their request."""
         self.asks = False
         """Whether there was a request."""
+        self.cut: Record | None = None
+        """The newest Write that may be a change, but for what the capture cut off."""
 
 
 class Index47:
@@ -75,7 +78,8 @@ class Index47:
         waiting: how many events of one AR, and how many ARs, may wait; the oldest is dropped first.
         waiting_ars: all ARs together may have this many times `waiting` events.
         proven: how many proven ARs to remember; the least recent one is forgotten first.
-        outcomes: gets "questions" when an AR sends a question, and "proven" when that AR is proved.
+        outcomes: gets "questions" when an AR sends a question, and "proven" when that AR is proved; "foreign" of a
+            Write that the capture cut, and that may have been a change.
     """
 
     def __init__(
@@ -184,18 +188,21 @@ class Index47:
         if held is not None:
             held.records -= 1
 
-    def asked(self, ar: ArKey, place: Place, request: Request, data: bytes) -> None:
+    def asked(self, record: Record, request: Request) -> None:
         """A Write waits: a matching response will prove that it is a parameter request."""
+        ar, place, half = record.relation, record.place, record.request
         held = self._held.get(ar)
-        if held is None:
+        if held is None or half is None:
             return
+        if half.cut and (request.operation == "change" or request.request_id is None):
+            held.cut = record
         held.asked.pop(place, None)
         held.asked[place] = request
         if len(held.asked) > self._waiting:
             held.asked.popitem(last=False)
         spot = ar[1], place
         held.stores |= self.drives.get(spot) is False
-        self._sent.setdefault(spot, deque(maxlen=_SENT)).append(data)
+        self._sent.setdefault(spot, deque(maxlen=_SENT)).append(half.data)
         if len(self._sent) > self._waiting:
             self._sent.popitem(last=False)
 
@@ -250,6 +257,8 @@ class Index47:
 
     def _leave(self, ar: ArKey, held: _Waiting) -> None:
         """The events of an AR do not wait any longer, and are not ours."""
+        if held.cut is not None:
+            self._outcomes.append(("foreign", held.cut, None))
         if not held.records:
             return
         first, records, asks = self._unproven.get(ar[1], (held.first, 0, False))

@@ -99,7 +99,7 @@ class RecordEvents:
         )
         self.pass_on(record, "asked", message, asks=asks)
         if message is not None:
-            index47.asked(record.relation, record.place, message, half.data)
+            index47.asked(record, message)
         index47.heard(record.relation, half.frame, asks=True)
 
     def answered(self, record: Record, cut: Cut | None) -> None:

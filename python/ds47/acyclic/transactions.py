@@ -115,7 +115,7 @@ def _outcome(job: Job, asked: int | None) -> State:
     done = len(blocks) - failed
     if response.cut and blocks[-1].error is None:
         done -= 1  # the last value is incomplete
-    if (half is not None and half.cut) or asked is None:
+    if ((half is not None and half.cut) or asked is None) and done + failed != asked:
         sure = half is None or not half.cut or asked in (1, failed)
         count = response.parameter_count
         fewer = count is not None and asked is not None and count < asked

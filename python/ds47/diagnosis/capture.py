@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from ds47.acyclic.index47 import SHARED_INDEX
 from ds47.acyclic.judge import Ways, asker
 from ds47.acyclic.pairing import STATUS_NOT_READY, Job
 from ds47.diagnosis.repetition import Repetition, place_args
@@ -29,7 +30,8 @@ from ds47.profinet.records import Record
 from ds47.spec.semantics import known, limits
 from ds47.spec.statuses import status_hex
 
-CHANGED, CHANGED_IN_PART = 0x02, 0x82
+CHANGED = 0x02
+_OF_CHANGES = CHANGED, 0x82
 """Response ids of a change."""
 _INVALID_SLOT = 0xB2
 _NO_ACCESS = 0xDF80B600
@@ -202,7 +204,7 @@ class WholeCapture:
             if way not in ways or ways[way][0] > asked.frame:
                 put(ways, way, (asked.frame, reach_of(job.key, message.axis)))
                 self._heard(job)
-        if message is not None and message.operation == "change":
+        if message is not None and (message.operation == "change" or message.request_id is None):
             self._change(job)
         if message is not None and (job.polls or self.repetition.storms):
             self.repetition.closed(job, _place(job.record))
@@ -246,9 +248,16 @@ class WholeCapture:
             self._refusal(peer.device, place, half.status, half.frame)
 
     def foreign(self, record: Record) -> None:
-        """A Write that is no job has been answered: its index is not ours, or its request is missing."""
+        """A Write that is no job has been answered: its index is not ours, or its request is missing.
+
+        Or it is one to index 47 that the capture cut: it may have been a change, and so a save.
+        """
         peer = record.peer
         asked, answer = record.request, record.response
+        if asked is not None and record.index == SHARED_INDEX:
+            if answer is None or not answer.status:
+                self._unsaved_of(peer.device).save_all((asked.frame, 0), seen=False)
+            return
         if asked is None:
             spot = _place(record)[1:]
             asks = peer.controller, peer.device, spot
@@ -431,13 +440,15 @@ class WholeCapture:
         message, asked = job.message, job.write_request
         if message is None or asked is None or job.write_refused:
             return
-        outcome = _outcome(message, None if job.stray else job.response)
+        response = None if job.stray else job.response
+        outcome = _outcome(message, response) if message.operation == "change" else ()
         who = job.peer
         effect = _effect(
             tuple(
                 (each.pnu, done, changes_itself(each.pnu, who.vendor_id, who.family))
                 for each, done in outcome
-            )
+            ),
+            asked.cut and _may_change_more(message, response),
         )
         if not (effect.saves or effect.changes):
             return
@@ -459,7 +470,7 @@ class WholeCapture:
         if read is None or job.repeats is not None:
             return
         known = None if response is None else response.response_id
-        if known in (CHANGED, CHANGED_IN_PART) or (known is None and read.cut):
+        if known in _OF_CHANGES or (known is None and read.cut):
             moment = read.frame, job.record.position
             self._unsaved_of(job.peer.device).save_all(moment, seen=False)
 
@@ -559,6 +570,22 @@ def _outcome(message: Request, response: Response | None) -> Iterator[tuple[Addr
             yield address, True if accepted else None
 
 
+def _may_change_more(message: Request, response: Response | None) -> bool:
+    """Whether what the capture cut off a request may have changed parameters; without its id: any of it."""
+    told, count = len(message.addresses), message.asked
+    if count == told:
+        return False
+    if response is None or response.response_id is None:
+        return True
+    answer = response.response_id
+    if answer == NOT_SUPPORTED or (message.request_id is None and answer not in _OF_CHANGES):
+        return False
+    count, behind = count or response.parameter_count, response.blocks[told:]
+    if count is None or len(behind) < count - told:
+        return True
+    return any(each.error is None for each in behind)
+
+
 class _Effect(NamedTuple):
     """What a request did to what is lost at power-off.
 
@@ -566,7 +593,7 @@ class _Effect(NamedTuple):
         saves: for each kind of save in it whether it saves all drive objects, and whether it is known to
             have been accepted.
         changes: those behind the last save, whether they are known to have been accepted, and of what: none of
-            what an unknown save may have reached.
+            what an unknown save may have reached, or of what is not known.
     """
 
     saves: tuple[tuple[bool, bool], ...]
@@ -574,8 +601,11 @@ class _Effect(NamedTuple):
 
 
 @lru_cache(maxsize=4096)
-def _effect(parts: tuple[tuple[int, bool | None, bool], ...]) -> _Effect:
-    """Of the numbers of parameters, in their order, their outcomes, and whether the drive changes them itself."""
+def _effect(parts: tuple[tuple[int, bool | None, bool], ...], more: bool) -> _Effect:
+    """Of the numbers of parameters, in their order, their outcomes, and whether the drive changes them itself.
+
+    `more`: what was changed behind them is not known; it may be a save, too.
+    """
     saving, whole = known().saving, known().saving_all
     saves: set[tuple[bool, bool]] = set()
     changes: dict[bool, tuple[int, ...]] = {}
@@ -587,6 +617,9 @@ def _effect(parts: tuple[tuple[int, bool | None, bool], ...]) -> _Effect:
             changes = {} if done or not changes else {False: ()}
         elif not changing:
             changes[bool(done)] = (*changes.get(bool(done), ()), pnu)
+    if more:
+        saves.add((True, False))
+        changes = {False: ()}
     return _Effect(tuple(sorted(saves)), tuple(sorted(changes.items())))
 
 

@@ -1998,6 +1998,14 @@ def p67_one_parameter_negative(client: Client) -> None:
     tape(client).cut(6)
 
 
+@BOOK.scene("malformed", row(1, real(1.5), par(27, "Integer8", 7), state="error"), rules="DS106@4")
+def p67_all_blocks_captured(client: Client) -> None:
+    """The capture lacks the pad byte alone: all that was asked for is there, and nothing says what failed."""
+    blocks = message.real(1.5), message.block(0x02, "b", 7) + bytes(1)
+    client.exchange(ask(1, 21, 27), message.answer(1, 0x81, 1, *blocks))
+    tape(client).cut(1)
+
+
 @BOOK.scene("malformed", row(1, real(1.5), par(27), state="partial"), rules="DS106@4 DS407@4#1")
 def p67_fewer_parameters(client: Client) -> None:
     """A positive response to two parameters says that it has one; its value is there."""
