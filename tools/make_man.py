@@ -32,7 +32,7 @@ STATUS = (
     ("141", "the reader of the output left"),
 )
 VARIABLES = (
-    ("DS47_PARAMS", "the folder of the lists of parameters that were taken in"),
+    ("DS47_PARAMS", "the folder of the imported lists of parameters"),
     ("DS47_TSHARK", "the tshark to ask"),
     ("DS47_DUMPCAP", "the dumpcap to capture with"),
     ("DS47_TRACEBACK", "set: a fault of ds47 shows all that Python knows of it"),

@@ -288,3 +288,11 @@ def test_the_text_of_a_library_user_is_complete() -> None:
     stream = io.StringIO()
     text.write(Report([result]), stream)
     assert stream.getvalue().count("\n#") == len(result.transactions)
+
+
+@pytest.mark.parametrize("name", ["text", "markdown"])
+def test_chinese_has_no_blank_before_its_brackets_and_commas(name: str) -> None:
+    for detail in ("short", "summary"):
+        shown = written(analyze(LONG), name=name, detail=detail, lang="zh")
+        assert "次）" in shown
+        assert not re.search(r"\S [（，]|[^\x00-\x7f] \(", shown)

@@ -160,6 +160,20 @@ def test_what_is_required_and_missing_is_no_success(
     assert main([command, "--require", "transactions", str(full)]) == 0
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("record-foreign", "没有 DS47 任务（RPC：请求 6，应答 6；数据记录调用：索引 47 读 3，索引 47 写 3）"),
+        ("profibus-bad-line", "没有 DS47 任务（PROFIBUS 上也没有记录）"),
+    ],
+)  # fmt: skip
+def test_what_is_there_instead_is_said_in_chinese(
+    name: str, said: str, captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["report", "--lang", "zh", str(captures / f"{name}.pcapng")]) == 0
+    assert f"  {said}\n" in capsys.readouterr().out
+
+
 def test_no_finding_is_no_success_where_nothing_was_captured(
     captures: Path, unplugged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,7 +12,7 @@ from typing import Final, TextIO
 
 from ds47.model import Report
 from ds47.report import ReportOptions, write_all
-from ds47.report.bilingual import Both, say
+from ds47.report.bilingual import Both, joined, say
 from ds47.report.digest import Digest, ShortCause
 from ds47.report.digests import Digests
 from ds47.report.formatting import escape
@@ -69,8 +69,8 @@ class Writer(Digests):
             digest.expected,
             mirror,
         )
-        shown = "; ".join(self._text(each) for each in parts if each)
-        yield f"{code(digest.path)}: {shown}"
+        shown = joined([each for each in parts if each], "; ", "；")
+        yield f"{code(digest.path)}: {self._text(shown)}"
         if digest.causes:
             yield ""
             heads = ("md_severity", "md_cause", "md_to_do", "md_frame")
@@ -83,9 +83,7 @@ class Writer(Digests):
             yield from self._table(("md_drive", "md_name", "md_transactions"), self._drives(digest))
 
     def _cause(self, cause: ShortCause) -> tuple[str, ...]:
-        message = self._text(cause.message)
-        if cause.times is not None:
-            message += f" {self._text(cause.times)}"
+        message = self._text(cause.message.joined(cause.times) if cause.times else cause.message)
         return (
             self._text(say(f"severity_{cause.severity}")),
             f"**{cause.rule}** {message}",

@@ -11,7 +11,7 @@ from pathlib import PurePath
 from typing import Final
 
 from ds47.report import Paint
-from ds47.report.bilingual import Both, say
+from ds47.report.bilingual import say
 from ds47.report.digest import Digest, ShortCause, Who, first_sentences
 from ds47.report.formatting import escape
 from ds47.report.summary import COLORS, WIDTH, station, whose
@@ -129,7 +129,7 @@ class Short:
 
     def _summed(self, cause: ShortCause, at_most: int, *, advised: bool) -> Iterator[str]:
         """A cause in a summary."""
-        where = f" ({self._say('frame', frame=cause.number)})" if cause.number else ""
+        where = self._say("cause_frame", frame=cause.number) if cause.number else ""
         for number, line in enumerate(self._sentence(cause, self._whole - 4, at_most, where)):
             yield ("    " if number else "  ") + line
         if advised:
@@ -167,8 +167,8 @@ class Short:
         for message in (cause.message, cause.brief):
             severity = say(f"severity_{cause.severity}")
             line = say("short_cause", rule=cause.rule, severity=severity, message=message)
-            told = " ".join(filter(None, [line.text(self._lang), _text(cause.times, self._lang)]))
-            lines.append(wrap(told + where, room))
+            told = line.joined(cause.times) if cause.times else line
+            lines.append(wrap(told.text(self._lang) + where, room))
             if len(lines[-1]) <= at_most:
                 break
         return min(lines, key=len) if len(lines[-1]) > at_most else lines[-1]
@@ -207,7 +207,3 @@ class Short:
         known = (page, everything) if digest.narrowed is None else ()
         fit: Iterator[str] = (each.text(self._lang) for each in (*known, say("short_same")))
         return next(line for line in fit if columns(line) <= self._whole)
-
-
-def _text(text: Both | None, lang: str) -> str:
-    return "" if text is None else text.text(lang)

@@ -281,10 +281,13 @@ class Writer(_Writer):
         for text in self._about_file(result):
             self._line("  " + text)
         if not (result.evidence or result.connections or result.nothing):
-            there = _traffic(result).text(self.options.lang)
-            if not there and not counts.cut:
-                there = self._say("no_rpc" if result.bus is None else "no_bus_records")
-            self._line("  " + self._say("no_transaction") + f" ({there})" * bool(there))
+            there = _traffic(result)
+            if there is None and not counts.cut:
+                there = say("no_rpc" if result.bus is None else "no_bus_records")
+            text = say("no_transaction")
+            if there is not None:
+                text = say("no_transaction_but", there=there)
+            self._line("  " + text.text(self.options.lang))
 
     def _about_file(self, result: CaptureResult) -> Iterator[str]:
         """What part of the file is shown, or could be read."""
@@ -646,17 +649,21 @@ def _timing(item: Transaction, lang: str) -> str:
     return ("，" if lang == "zh" else ", ").join([shown, *more])
 
 
-def _traffic(result: CaptureResult) -> Both:
+def _traffic(result: CaptureResult) -> Both | None:
     """What a capture without transactions has instead, as proof that it was read."""
     calls = [
-        say("record_index", index=index, kind=kind, number=str(number))
+        say("record_index", index=index, kind=say(f"statistics_{kind}"), number=str(number))
         for index, kinds in sorted(result.records.items(), key=_by_number)
         for kind, number in kinds.items()
         if number
     ]
-    rpc = [Both.same(f"{name} {number}") for name, number in result.rpc.items() if number]
+    rpc = [
+        say(f"rpc_{name}").joined(Both.same(f"{number}"), zh=" ")
+        for name, number in result.rpc.items()
+        if number
+    ]
     if not rpc:
-        return Both.same("")
+        return None
     if len(calls) > 6:
         calls[6:] = [say("more", number=str(len(calls) - 6))]
     shown = Both.same("RPC").joined(joined(rpc), ": ", "：")

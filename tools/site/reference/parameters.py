@@ -15,7 +15,7 @@ from .markdown import plain, table
 _HEAD = """# Known parameters
 
 Names and units that ds47 has of its own. What a drive says of its parameters comes first, then
-[lists that you take in](../parameters.md), then these. A number that means something else on another family of
+[lists that you import](../parameters.md), then these. A number that means something else on another family of
 drives is used only where the capture shows which family it is. `r` is printed where a source says that the
 parameter may only be read, else `p`.
 """
