@@ -75,7 +75,8 @@ def command(
     read too, and so are hex dumps with their offsets and lists of decimal numbers. With --request each
     value of a response gets its parameter number.
 
-    The words of an error number from 101 (0x65) on are those of the maker: --vendor says whose they are.
+    The words of an error number from 101 (0x65) on are those of the maker, and so are the bits of STW1 and
+    ZSW1 from 11 on: --vendor says whose they are.
 
     Words of cyclic frames: --as pkw and pkw-answer take 8 bytes, stw1 and zsw1 a word with or without
     its setpoint or actual value, ppo1-out and ppo1-in 12 bytes.
