@@ -277,3 +277,13 @@ def test_an_answer_fits_on_a_screen(lang: str) -> None:
             assert all(
                 columns(line) <= 100 or "pn_io" in line or "s7comm" in line for line in shown
             )
+
+
+def test_a_block_for_one_parameter_has_no_bits_of_others() -> None:
+    """SINA_PARA_S 3 is a kind of error; of SINA_PARA it may be parameters 1 and 2, too."""
+    several = [each.title for each in explain("SINA_PARA Status 3")]
+    single = [each.title for each in explain("SINA_PARA_S Status 3")]
+    assert any("access failed: parameter 1, 2" in each for each in several)
+    assert not any("parameter 1, 2" in each for each in single)
+    assert any("RDREC or WRREC failed" in each for each in single)
+    assert "parameter 1" in explain("SINA_PARA_S Status 16#00030001")[0].title

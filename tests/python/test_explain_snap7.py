@@ -112,6 +112,7 @@ def test_classes_of_nobody(text: str) -> None:
         ),
         ("error code: 0xDE, error decode: 0x80, error code 1: 0xB5, error code 2: 0x00", "DE80B500"),
         ("222,128,181,0", "DE80B500"),
+        ("0xDF 0x80 0xB7 0x00", "DF80B700"),
     ],
 )  # fmt: skip
 def test_a_status_as_four_numbers(text: str, code: str) -> None:
@@ -120,7 +121,8 @@ def test_a_status_as_four_numbers(text: str, code: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["1, 2, 3, 4", "219, 7, 61, 0", "219, 129, 61, 300", "219, 129, 61"]
+    "text",
+    ["1, 2, 3, 4", "0x01, 0x02, 0x03, 0x04", "219, 7, 61, 0", "219, 129, 61, 300", "219, 129, 61"],
 )
 def test_four_numbers_that_are_no_status(text: str) -> None:
     with pytest.raises(UnknownFormError):

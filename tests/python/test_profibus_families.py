@@ -16,7 +16,7 @@ from ds47.cli import main
 from ds47.lab import captured, message
 from ds47.lab.fdl import PARAMETERS
 from ds47.lab.master import READY, SET_PRM, Master, Way
-from ds47.model import SIEMENS
+from ds47.model import SIEMENS, error_words
 from ds47.report import json as report
 from ds47.report import load
 from ds47.spec import maker_names
@@ -170,7 +170,12 @@ def test_a_vendor_is_assumed_where_no_ident_number_tells_it(
     (found,) = (each for each in result.findings if each.rule == "DS410")
     assert found.args["vendor_id"] == expected[0]
     document = report.capture(result)
-    assert report.capture(load.capture(json.loads(json.dumps(document)))) == document
+    loaded = load.capture(json.loads(json.dumps(document)))
+    assert report.capture(loaded) == document
+    if assumed != LENZE or ident != OTHER:  # which has no table of its own
+        again = loaded.transactions[0].parameters[0].error
+        assert again is not None
+        assert error_words(again, "zh") == error_words(parameter.error, "zh")
 
 
 def test_the_maker_of_pkw_is_assumed_too(

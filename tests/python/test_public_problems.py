@@ -75,6 +75,13 @@ PASTED = (
     ),
     ("ABORT err_cls 0   err_code 6", "raise the accepted misses"),
     ('Error should be "0xCF, 0x81, 0xFD, 0x18"', "a Control failed"),
+    # p-net 130
+    ('The alarm should be "AR consumer DHT expired” (0xCF 0x81 0xFD 0x05).', "watchdog expired"),
+    # ioBroker.s7 15
+    (
+        "s7.1 2018-12-30 18:14:47.924 warn Poll error count: 6 code: 0x90020",
+        "closed by the other side",
+    ),
     # gos7 51, 86, 26, s7comm 6, python-snap7 418
     (
         "client.AGReadDB: ISO : Invalid Buffer passed to Send/Receive'19'",

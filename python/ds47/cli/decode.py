@@ -72,7 +72,8 @@ def command(
     with offsets and lists of decimal numbers work, too. With --request each value of a response gets
     its parameter number.
 
-    Error numbers from 101 (0x65) on depend on the vendor: give --vendor.
+    Error numbers from 101 (0x65) on, and bits of STW1 and ZSW1 from 11 on, depend on the vendor: give
+    --vendor.
 
     Words of cyclic frames: --as pkw and pkw-answer take 8 bytes, stw1 and zsw1 a word with or without
     its setpoint or actual value, ppo1-out and ppo1-in 12 bytes.

@@ -78,7 +78,7 @@ def meanings(question: Asked, output: Output, lang: str) -> Iterator[CodeMeaning
         digits = re.sub(r"^.*#|^0x|h$|[^0-9a-f]", "", question.value.lower())
         whole = len(digits) > _WORD_BITS // 4
         for value in values[:1]:
-            yield from _access(question.block.name, output, value, lang, whole)
+            yield from _access(question.block, output, value, lang, whole)
         return
     found = [value for value in values if value in known]
     for value in found:
@@ -99,12 +99,13 @@ def alone(reading: Reading, lang: str) -> Iterator[CodeMeaning]:
 
 def both_words(readings: Iterable[Reading], lang: str) -> Iterator[CodeMeaning]:
     """What a double word that is no status may be: the two words of SINA_PARA."""
+    block = next(each for each in blocks.blocks() if each.name == _PARA)
     output = next(each for each in blocks.outputs(_PARA) if each.reads == ACCESS)
     kinds = blocks.of_output(_PARA, output.name)
     for reading in readings:
         kind = reading.value >> _WORD_BITS
         if reading.size == STATUS and kind and kind in kinds:
-            yield next(_access(_PARA, output, reading.value, lang, True))
+            yield next(_access(block, output, reading.value, lang, True))
 
 
 def _of_row(
@@ -143,17 +144,18 @@ def _unknown(block: str, output: Output, value: int, lang: str) -> CodeMeaning:
 
 
 def _access(
-    block: str, output: Output, value: int, lang: str, whole: bool
+    asked: Block, output: Output, value: int, lang: str, whole: bool
 ) -> Iterator[CodeMeaning]:
     """Both readings of the two words of SINA_PARA: the kind of error first, or the bits of the parameters.
 
     Args:
-        block: SINA_PARA or SINA_PARA_S.
+        asked: SINA_PARA or SINA_PARA_S.
         output: Status.
         value: the double word, or a word alone.
         lang: "en" or "zh".
         whole: both words were written.
     """
+    block = asked.name
     words, known = blocks.words(lang), blocks.of_output(block, output.name)
     high, low = value >> _WORD_BITS & _LOW, value & _LOW
     shown = f"16#{value:0{8 if whole else 4}X}"
@@ -161,7 +163,7 @@ def _access(
     rank = KIND
     for place, kind, bits in order if whole else reversed(order):
         row = known.get(kind)
-        if row is None:
+        if row is None or bits >> asked.parameters:
             continue
         texts = [row.text(lang)] if kind or not bits else []
         if bits:

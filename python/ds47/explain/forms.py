@@ -42,8 +42,10 @@ _FOUR = re.compile(
     + ".*"
 )
 """A status by the names of its bytes: `error_code=219 error_decode=129 ...`, `ErrorCode = RTA-ERR (0xCF)`."""
-_BYTES = re.compile(r"(?:.*\W)?" + ", ?".join(["(0X[0-9A-F]{1,2}|[0-9]{1,3})"] * 4))
-"""The same without them: `ERROR: 219, 129, 61, 0`."""
+_BYTES = re.compile(
+    r"(?:.*\W)?" + r"(?:, ?|(?<=0X..) (?=0X))".join(["(0X[0-9A-F]{1,2}|[0-9]{1,3})"] * 4) + r"\W*"
+)
+"""The same without them: `ERROR: 219, 129, 61, 0`, `(0xCF 0x81 0xFD 0x05)`."""
 _RTA, _ABORTED = 0xFD, 0xCF810000
 """The class of errors of the protocol of alarms (RTA), and the bytes in front of it in a status."""
 _EVENT = re.compile(r"^16# ?08:")

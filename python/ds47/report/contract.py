@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, lru_cache
-from itertools import groupby, repeat
+from itertools import chain, groupby, repeat
 from typing import Any, NamedTuple
 
 from ds47 import model
@@ -19,7 +19,17 @@ from ds47.report import values as meanings
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
-from ds47.spec import FAMILIES, MICROMASTER, SINAMICS, cyclic, parameter, parameters, profibus, s7
+from ds47.spec import (
+    FAMILIES,
+    MICROMASTER,
+    SINAMICS,
+    cyclic,
+    parameter,
+    parameters,
+    profibus,
+    s7,
+    vendors,
+)
 from ds47.spec.units import duration, nanoseconds, second, timestamp
 
 Tell = Callable[[Any, str], Any]
@@ -172,9 +182,14 @@ MAYBE_VALUES = VALUES | {"type": ["array", "null"]}
 
 
 def error(item: dict[str, Any], vendor_id: int | None) -> model.ParameterError:
-    """An error of a parameter, of a device of this vendor; its text tells whether the vendor was known then."""
+    """An error of a parameter, of a device of this vendor; its text tells whether the vendor was known then.
+
+    Of a station of PROFIBUS only the text tells whose its numbers are.
+    """
     code, info, text = item["code"], item.get("info"), item["text"]
-    for vendor, ak in ((vendor_id, None), (None, None), (vendor_id, 7), (vendor_id, 8)):
+    own = ((vendor_id, None), (None, None), (vendor_id, 7), (vendor_id, 8))
+    others = ((each.id, ak) for ak in (None, 7, 8) for each in vendors())
+    for vendor, ak in chain(own, others):
         known = model.ParameterError(code, info, vendor, ak=ak)
         if text in [model.error_words(known, lang) for lang in LANGUAGES]:
             return known

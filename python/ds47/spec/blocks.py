@@ -20,6 +20,8 @@ class Block(Row):
     words: list[str]
     service: int | None = None
     """The first byte of a STATUS with which the device refuses its call."""
+    parameters: int = 16
+    """How many it accesses in one call, of those that do."""
 
 
 class Output(Row):
