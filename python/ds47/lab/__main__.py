@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from ds47.lab import Scenario, scenarios, write, write_log
+from ds47.lab import scenarios, write, write_log
 from ds47.lab.profibus_stories import LOGS
 
 HEAD = """\
@@ -19,43 +19,17 @@ HEAD = """\
 """
 
 
-def quoted(text: str) -> str:
-    """A TOML basic string; JSON escapes what TOML wants escaped."""
-    return json.dumps(text)
-
-
-def manifest_entry(scenario: Scenario, path: Path, frames: int) -> str:
-    """The TOML table of one capture."""
-    transactions = ", ".join(
-        f'"{operation} {state}"' for operation, state in scenario.expect.transactions
-    )
-    rules, diagnoses = (
-        ", ".join(f'"{rule}"' for rule in sorted(ids))
-        for ids in (scenario.expect.rules, scenario.expect.diagnoses)
-    )
-    return f"""
-[[capture]]
-file = "{path.name}"
-sha256 = "{hashlib.sha256(path.read_bytes()).hexdigest()}"
-frames = {frames}
-made = "ds47 lab write captures {scenario.name}"
-title = {quoted(scenario.title)}
-shows = {quoted(scenario.shows)}
-transactions = [{transactions}]
-rules = [{rules}]
-diagnoses = [{diagnoses}]
-"""
-
-
-def log_entry(name: str, path: Path, frames: int) -> str:
-    """That of a log: the frames of a capture as text."""
-    return f"""
-[[log]]
-file = "{path.name}"
-sha256 = "{hashlib.sha256(path.read_bytes()).hexdigest()}"
-frames = {frames}
-made = "ds47 lab write --log captures {name}"
-"""
+def entry(kind: str, path: Path, frames: int, made: str, **more: object) -> str:
+    """The TOML table of a file that was written; JSON escapes what TOML wants escaped."""
+    about = {
+        "file": path.name,
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "frames": frames,
+        "made": f"ds47 lab write {made}",
+        **more,
+    }
+    rows = (f"{key} = {json.dumps(value)}" for key, value in about.items())
+    return "\n".join(["", f"[[{kind}]]", *rows, ""])
 
 
 def write_all(folder: Path) -> Path:
@@ -64,10 +38,15 @@ def write_all(folder: Path) -> Path:
     text = HEAD
     for name, scenario in scenarios().items():
         path = folder / f"{name}.pcapng"
-        text += manifest_entry(scenario, path, len(write(name, path).shots))
+        frames, expect = len(write(name, path).shots), scenario.expect
+        text += entry(
+            "capture", path, frames, f"captures {name}", title=scenario.title, shows=scenario.shows,
+            transactions=list(map(" ".join, expect.transactions)), rules=sorted(expect.rules),
+            diagnoses=sorted(expect.diagnoses),
+        )  # fmt: skip
     for name in LOGS:
         path = folder / f"{name}.txt"
-        text += log_entry(name, path, len(write_log(name, path).shots))
+        text += entry("log", path, len(write_log(name, path).shots), f"--log captures {name}")
     manifest = folder / "MANIFEST.toml"
     manifest.write_text(text, encoding="utf-8", newline="\n")
     return manifest
