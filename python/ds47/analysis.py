@@ -486,7 +486,10 @@ class Analysis:
         """What only the whole capture can show."""
         if DS47 not in self._options.channels:
             return
-        for remark in self._diagnoses.finish(capture.dropped, capture.gaps, capture.complete):
+        excerpt = isinstance(capture, Capture) and capture.excerpt
+        for remark in self._diagnoses.finish(
+            capture.dropped, capture.gaps, capture.complete, excerpt=excerpt
+        ):
             self._findings.add(remark)
         frame, count = self._findings.left_out
         if count:

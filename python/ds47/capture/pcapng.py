@@ -23,7 +23,9 @@ INTERFACE, PACKET, SIMPLE_PACKET, STATISTICS = 1, 2, 3, 5
 CUSTOM, CUSTOM_NO_COPY, JOURNAL = 0x0BAD, 0x40000BAD, 9
 BYTE_ORDER_MAGIC = 0x1A2B3C4D
 
-COMMENT, FLAGS, TIME_RESOLUTION, TIME_OFFSET = 1, 2, 9, 14
+COMMENT, FLAGS, APPLICATION, TIME_RESOLUTION, TIME_OFFSET = 1, 2, 4, 9, 14
+OURS = "ds47 "
+"""How the name of the program begins that stands in the section header of an export."""
 _TEXTS = (1, 2, 3, 11, 12, 15)
 """Options of an interface that say something to a person: comment, name, description, filter, OS, hardware."""
 
@@ -63,6 +65,8 @@ class PcapngReader(Walk):
         self._interfaces: list[Interface] = []
         self._wanted: Callable[[int], bool] | None = None
         self._last_ns = 0
+        self.excerpt = False
+        """Whether `ds47 export` wrote all its sections."""
         self._lost_before: int | None = None
         self._lost: dict[int, dict[int, int]] = {}
         self._set_order("little")
@@ -214,6 +218,8 @@ class PcapngReader(Walk):
         (major,) = struct.unpack_from(self._sign + "H", body, 4)
         if major != 1:
             raise _BrokenBlockError(f"the section has version {major}, only 1 is known")
+        wrote = dict(self._options(body, 16)).get(APPLICATION, b"")
+        self.excerpt = wrote.startswith(OURS.encode()) and (self.excerpt or not self.frames)
         self._lost_before = self.dropped
         self._lost = {}
         self._interfaces = []

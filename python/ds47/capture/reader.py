@@ -126,6 +126,11 @@ class Capture(Closing):
         return self._reader.timed
 
     @property
+    def excerpt(self) -> bool:
+        """Whether `ds47 export` wrote it: frames between its own were left out on purpose."""
+        return isinstance(self._reader, pcapng.PcapngReader) and self._reader.excerpt
+
+    @property
     def gaps(self) -> bool:
         """Whether frames are missing between two others."""
         return bool(self.dropped)

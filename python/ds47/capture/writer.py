@@ -12,10 +12,17 @@ from pathlib import Path
 from typing import BinaryIO
 
 from .closing import Closing
-from .pcapng import BYTE_ORDER_MAGIC, COMMENT, FLAGS, INTERFACE, SECTION, TIME_RESOLUTION
+from .pcapng import (
+    APPLICATION,
+    BYTE_ORDER_MAGIC,
+    COMMENT,
+    FLAGS,
+    INTERFACE,
+    SECTION,
+    TIME_RESOLUTION,
+)
 from .scan import ENHANCED_PACKET, ETHERNET
 
-_APPLICATION = 4
 LAST_NS = (1 << 64) - 1
 """The last time that a file of nanoseconds can hold, in 2554; the first is 1970."""
 _LONGEST = 0xFFFC
@@ -49,7 +56,7 @@ class PcapngWriter(Closing):
         self._interfaces = 0
         section = struct.pack("<IHHq", BYTE_ORDER_MAGIC, 1, 0, -1)
         if application:
-            section += _options([(_APPLICATION, application.encode())])
+            section += _options([(APPLICATION, application.encode())])
         self._block(SECTION, section)
         if link_type is not None:
             self.add_interface(link_type)
@@ -106,7 +113,7 @@ class PcapngWriter(Closing):
         (code,) = struct.unpack_from("<H", head, 24) if kind == SECTION else (0,)
         return (
             magic == BYTE_ORDER_MAGIC
-            and code == _APPLICATION
+            and code == APPLICATION
             and head[28:].startswith(application.encode())
         )
 

@@ -20,7 +20,7 @@ from ds47.cli.common import Misses, cannot_write, refused, stdout, warn
 from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
-from ds47.cli.series import series_option, tasks, tell_lacking
+from ds47.cli.series import series_option, tasks, tell_lacking, tell_nothing
 from ds47.cli.targets import refuse_links, replaced_captures, spare_recordings
 from ds47.model import Finding
 from ds47.report.zones import Zone
@@ -319,7 +319,7 @@ class _Run:
         result = done.result
         tell_lacking(path, result.missing_files, result.lacking, self.misses)
         self._tell_left_out(name, done)
-        if not done.frames:
+        if not done.frames and not tell_nothing(result, lang):
             warn(f"{name}: nothing to export")
             return
         self.written += 1

@@ -21,6 +21,7 @@ from ds47.cli.common import counted, warn
 if TYPE_CHECKING:
     from ds47.batch.tasks import Task
     from ds47.capture.rings import Ring
+    from ds47.model import CaptureResult
 
 series_option = click.option(
     "--series",
@@ -84,6 +85,18 @@ def tell_lacking(
         warn(lost)
     if problem:
         misses(about(path, problem))
+
+
+def tell_nothing(result: CaptureResult, lang: str) -> bool:
+    """Says on stderr what a capture without traffic of drives has instead. Returns whether it is one."""
+    if result.nothing:
+        from ds47.report.bilingual import say
+        from ds47.report.formatting import escape
+        from ds47.report.verdict import VerdictCounts, verdict
+
+        said = verdict(VerdictCounts.of(result)).text(lang)
+        warn(f"{escape(result.path)}: {said}. {say('verdict_mirror').text(lang)}")
+    return result.nothing
 
 
 def _with_their_series(paths: Sequence[str]) -> Iterator[str]:

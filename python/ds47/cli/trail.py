@@ -24,13 +24,13 @@ from ds47.cli.common import (
 from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, chosen, selection_options
-from ds47.cli.series import series_option, tasks, tell_lacking
+from ds47.cli.series import series_option, tasks, tell_lacking, tell_nothing
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
 from ds47.report.zones import Zone
 
 if TYPE_CHECKING:
-    from ds47.model import CaptureResult
+    pass
 
 
 @helped("trail", ("ds47 trail machine.pcapng --pnu p1120", "who changed p1120, from what to what"))
@@ -82,8 +82,7 @@ def command(
                 asked = ", ".join(map(str, choice.selection.drive_objects))
                 words = say("trail_unproved", path=escape(result.path), n=left, do=asked)
                 warn(words.text(lang))
-            if result.nothing:
-                _warn_of_nothing(result, lang)
+            tell_nothing(result, lang)
             if not result.complete:
                 misses(about(task.path, result.problem or ""))
             tell_lacking(task.path, result.missing_files, result.lacking, misses)
@@ -95,11 +94,3 @@ def command(
     if misses:
         return misses.status
     return int(bool(choice) and not changes)
-
-
-def _warn_of_nothing(result: CaptureResult, lang: str) -> None:
-    """A capture without traffic of drives has no writes for another reason than a quiet line."""
-    from ds47.report.verdict import VerdictCounts, verdict
-
-    said = verdict(VerdictCounts.of(result)).text(lang)
-    warn(f"{escape(result.path)}: {said}. {say('verdict_mirror').text(lang)}")

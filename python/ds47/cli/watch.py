@@ -18,6 +18,7 @@ from ds47.capture.names import STDIN
 from ds47.cli.common import color, columns_of, fail, format_option, stdout, warn
 from ds47.cli.helping import helped
 from ds47.cli.options import analysis_options, fail_on_option, options_from, tz_option
+from ds47.cli.series import tell_nothing
 from ds47.model import S7, SEVERITIES
 
 if TYPE_CHECKING:
@@ -225,6 +226,7 @@ class _Watch:
         if feed.stopped:
             result.complete, result.problem = True, None
         self._show.end(result)
+        tell_nothing(result, self._lang)
         complaint = running.problem() if running else None
         problem_text = complaint or result.problem or feed.problem
         if problem_text:

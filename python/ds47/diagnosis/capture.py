@@ -290,10 +290,12 @@ class WholeCapture:
         if milliseconds * 1e6 < limits().disorder_ns:
             self._disorder.add(frame)
 
-    def finish(self, dropped: int | None, gaps: bool, complete: bool = True) -> Iterator[Remark]:
+    def finish(
+        self, dropped: int | None, gaps: bool, complete: bool = True, *, excerpt: bool = False
+    ) -> Iterator[Remark]:
         """All that can be said now; of frames that the file says are missing, and whether some are inside it.
 
-        A file that could not be read to its end may have a save there.
+        A file that could not be read to its end may have a save there. In an excerpt gaps are intended.
         """
         yield from self._read_there(gaps)
         yield from self._nothing()
@@ -304,7 +306,13 @@ class WholeCapture:
         if complete:
             yield from self._lost()
         yield from self.repetition.finish()
-        yield from self._missing(dropped)
+        left_out = False
+        for remark in self._missing(dropped):
+            if not excerpt or remark.args["what"] in ("cut", "disorder"):
+                yield remark
+            elif not left_out:
+                left_out = True
+                yield Remark("DS725", remark.frame, {"what": "excerpt"})
 
     def _seen_of(self, pair: Pair) -> _Seen:
         return self._seen.entries.get(pair) or self._seen.put(pair, _Seen())

@@ -19,6 +19,7 @@ from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Interface, PcapngWriter, WholeFrame
 from ds47.capture.drafts import draft_of
+from ds47.capture.pcapng import OURS
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.capture.writer import nearest
 from ds47.model import PKW, S7, CaptureResult
@@ -35,7 +36,7 @@ from ds47.version import __version__
 from .anonymise import Anonymiser, Knowledge
 from .bus import BusFrames
 from .drafts import Draft, Drafts
-from .earlier import APPLICATION, OF_THE_ORIGINAL, is_earlier_export
+from .earlier import OF_THE_ORIGINAL, is_earlier_export
 from .examples import MOST, Example, examples
 from .mapping import KeyFileError, Replacements
 from .original import Original, first_time, opened, whole_frames
@@ -458,7 +459,7 @@ def _write_all(
     interfaces: dict[Interface, int] = {}
     # file names show where a capture was taken: not in a copy without names
     file_frames = FileFrames(done.result.files if plain else ())
-    with PcapngWriter(stream, link_type=None, application=APPLICATION + __version__) as writer:
+    with PcapngWriter(stream, link_type=None, application=OURS + __version__) as writer:
         for frame in frames:
             about = frame.interface
             if about not in interfaces:

@@ -9,9 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ds47.capture import CaptureError, PcapngWriter, open_capture
+from ds47.capture.pcapng import OURS
 
-APPLICATION = "ds47 "
-"""How the name of the program begins that stands in the section header of an export."""
 OF_THE_ORIGINAL = " of the original"
 """How the last comment of each frame ends."""
 
@@ -23,7 +22,7 @@ def is_earlier_export(path: Path) -> bool:
     """
     try:
         with path.open("rb") as stream:
-            if not PcapngWriter.wrote(stream.read(64), APPLICATION):
+            if not PcapngWriter.wrote(stream.read(64), OURS):
                 return False
         with open_capture(path) as capture:
             some = False
