@@ -194,6 +194,18 @@ def test_words_of_cyclic_frames_are_recognised(text: str, kind: str, named: str)
         assert explain(named, lang)[0] == meaning
 
 
+@pytest.mark.parametrize("text", ["7900", "07900", "30003"])
+def test_a_bare_number_may_be_a_fault_as_r0945_has_it(text: str) -> None:
+    fault = f"F{int(text):05d}"
+    assert [each.code for each in explain(text) if each.kind == "fault"] == [fault]
+    assert explain(text)[0].kind != "fault" or len(explain(text)) == 1
+
+
+@pytest.mark.parametrize("text", ["8180", "00030001", "0900", "70000"])
+def test_what_has_another_meaning_or_is_no_such_number_is_no_fault(text: str) -> None:
+    assert not any(each.kind == "fault" for each in explain(text))
+
+
 def test_pkw_says_answer_and_request() -> None:
     assert "parameter 123; in an answer 7 (" in first("707B").title
     assert "in a request 1 (read value)" in first("pkw 1B54").title

@@ -42,7 +42,11 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Co
     if not found:  # a word in front that does not go with the number
         raise forms.UnknownFormError(text)
     if code.kind is None and not any(each.known for each in found.values()):
-        guesses = (*cyclic.likely(code.readings, lang), *blocks.both_words(code.readings, lang))
+        guesses = (
+            *messages.likely(code.text, lang),
+            *cyclic.likely(code.readings, lang),
+            *blocks.both_words(code.readings, lang),
+        )
         if guesses:
             rest = (each for each in found.values() if each.kind == S7_ERROR)
             found = {(each.kind, each.code, None): each for each in (*guesses, *rest)}
@@ -52,7 +56,12 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Co
     some, bare = any(each.known for each in found.values()), code.text.isdigit()
     kept = [each for each in found.values() if each.known or not some or each.code not in far]
     return sorted(
-        kept, key=lambda each: (not each.known, bare and each.kind == forms.PARAMETER, each.rank)
+        kept,
+        key=lambda each: (
+            not each.known,
+            bare and each.kind in (forms.PARAMETER, forms.FAULT),
+            each.rank,
+        ),
     )
 
 

@@ -17,6 +17,9 @@ _FIRST_CLASS = 0x8FFF
 _FIVE_DIGITS = 1000
 """From this number on faults and alarms are those of SINAMICS, which has five digits; MICROMASTER 4 has four."""
 
+_LAST = 0xFFFF
+_DIGITS = (4, 5)
+
 
 def meaning(kind: str, number: int, lang: str) -> CodeMeaning:
     """A fault or an alarm; where nothing else is known of it, where to look it up."""
@@ -32,6 +35,12 @@ def meaning(kind: str, number: int, lang: str) -> CodeMeaning:
         filter_name=entry.filter, values={"value": "945" if kind == FAULT else "2122"},
         advice=None if entry.causes else words["fault_advice"].format(code=code),
     )  # fmt: skip
+
+
+def likely(text: str, lang: str) -> Iterator[CodeMeaning]:
+    """The fault with a bare number of SINAMICS, as r0945 has it: four or five decimal digits."""
+    if text.isdecimal() and len(text) in _DIGITS and _FIVE_DIGITS <= int(text) <= _LAST:
+        yield meaning(FAULT, int(text), lang)
 
 
 def message_class(value: int, lang: str) -> Iterator[CodeMeaning]:
