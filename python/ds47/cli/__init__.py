@@ -47,7 +47,7 @@ GROUPS = {
     },
     "Look up and build": {
         "explain": "A STATUS, an error number, a parameter in words",
-        "params": "Parameters, and lists of makers",
+        "params": "Search parameters by word or number; import lists of makers",
         "rules": "What ds47 finds, and what to do about it",
         "decode": "Bytes of a message into its fields",
         "encode": "A request as bytes, or as a block for the PLC",
