@@ -6,8 +6,8 @@
 -- maker's drive, no proof) is decided elsewhere.
 --
 -- A look: {frame, time, stw1 (as it was sent), heeded (the last one that the drive heeds), zsw1, setpoint
--- (raw, as it is effective; nil where the telegram has none), actual, since (frame and time from which on both
--- sides say so)}. Nobody changes one.
+-- (raw, as it is effective; nil where the telegram has none), actual, since (frame and time from which on
+-- both say so)}. Nobody changes one.
 
 local bits = require("ds47.support.bits")
 local filtered = require("ds47.support.arrays").filtered
