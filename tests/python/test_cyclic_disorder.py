@@ -12,6 +12,7 @@ from tests.audit import run
 
 from ds47.analysis import analyze
 from ds47.lab import captured, everything
+from ds47.model import Finding
 
 SCENES = (
     "cyclic-off-by-the-controller", "cyclic-as-printed", "cyclic-saved-seldom", "cyclic-saved-often",
@@ -57,6 +58,37 @@ def test_the_story_goes_on_by_the_time() -> None:
     assert "DS725" in rules(moved(scene(SCENES[0]), 4, 2))
 
 
+STANDING = {
+    "cyclic-does-not-start": "DS523", "cyclic-fault-that-stays": "DS524",
+    "cyclic-on-without-enable": "DS521", "cyclic-setpoint-blocked": "DS525",
+}  # fmt: skip
+"""Values (DS526) are not looked at in each frame: what they show begins a frame earlier or later."""
+
+
+def at_its_begin(name: str) -> tuple[Finding, Frames, list[Frames]]:
+    """What stands in a scene, its frames, and the same with the first one of it a place earlier, or later."""
+    there, swapped = scene(name), list[Frames]()
+    told = standing(name, there)
+    for place in (told.frame - 2, told.frame - 1):
+        swapped.append([*there[:place], there[place + 1], there[place], *there[place + 2 :]])
+    return told, there, swapped
+
+
+def standing(name: str, there: Frames) -> Finding:
+    findings = analyze(io.BytesIO(written(there))).findings
+    (found,) = [each for each in findings if each.rule == STANDING[name]]
+    return found
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_what_stands_began_when_by_the_clock_both_sides_said_so(name: str) -> None:
+    told, there, swapped = at_its_begin(name)
+    for others in swapped:
+        found = standing(name, others)
+        assert found.args == told.args
+        assert others[found.frame - 1] == there[told.frame - 1]
+
+
 @pytest.mark.parametrize("back_ms", [100, 900, 2500])
 def test_a_clock_that_is_set_back_is_no_disorder(back_ms: int) -> None:
     """The counters go on."""
@@ -72,4 +104,6 @@ def test_lua_says_the_same(version: str, tmp_path: Path) -> None:
         Source(f"{name} {move}", written(moved(scene(name), *move)), False)
         for name in SCENES for move in MOVES
     ]  # fmt: skip
+    for name in STANDING:
+        sources += [Source(name, written(each), False) for each in at_its_begin(name)[2]]
     compare(version, "en", sources, tmp_path)

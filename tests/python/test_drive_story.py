@@ -42,7 +42,8 @@ def test_a_deviation_begins_beyond_its_limit(gap: int, rules: list[str]) -> None
     """A quarter of the full scale of 16,384 is allowed."""
     operation = Operation({}, Limits(**limits().columns() | {"deviation_percent": 25}))
     for frame, actual in enumerate((8192, 8192 - gap, 8192 - gap), 1):
-        operation.look(Now(frame, frame * 10**10, ON, ON, RUNS & ~0x100, 8192, actual))
+        at = frame * 10**10
+        operation.look(Now(frame, at, ON, ON, RUNS & ~0x100, 8192, actual, (at, frame)))
     operation.finish()
     assert [each.rule for each in operation.remarks] == rules
 

@@ -6,7 +6,8 @@
 -- maker's drive, no proof) is decided elsewhere.
 --
 -- A look: {frame, time, stw1 (as it was sent), heeded (the last one that the drive heeds), zsw1, setpoint
--- (raw, as it is effective; nil where the telegram has none), actual}. Nobody changes one.
+-- (raw, as it is effective; nil where the telegram has none), actual, since (frame and time from which on
+-- both say so)}. Nobody changes one.
 
 local bits = require("ds47.support.bits")
 local filtered = require("ds47.support.arrays").filtered
@@ -84,11 +85,11 @@ end
 local function over(self, stood)
   local begun, newest = stood.begun, stood.newest
   stood.begun, stood.newest = nil, nil
-  if begun == nil or newest == nil or newest.time - begun.time < stood.limit_ns then return false end
+  if begun == nil or newest == nil or newest.time - begun.since.time < stood.limit_ns then return false end
   local args = args_of(self, stood, begun)
   if args then
-    args.seconds, args.limit = float((newest.time - begun.time) / 1e9), float(stood.limit_ns / 1e9)
-    say(self, stood.rule, begun.frame, args)
+    args.seconds, args.limit = float((newest.time - begun.since.time) / 1e9), float(stood.limit_ns / 1e9)
+    say(self, stood.rule, begun.since.frame, args)
   end
   return true
 end

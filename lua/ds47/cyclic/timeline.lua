@@ -68,6 +68,7 @@ function M.new(operation, trusted, speed, fault, most, own)
     is_skipped = false, -- whether frames are missing before the next one of the drive
     trips = trips.new(operation.limits.trip_ns),
     setpoint = nil, actual = nil, -- raw, the setpoint as it is effective
+    newest_out = nil, newest_in = nil, -- the newest words of each side: {frame, time}
   }, Recorder)
 end
 
@@ -77,11 +78,16 @@ local function learnt(self, raw)
   return self.speed
 end
 
-local function tell(self, frame, time)
+-- `out`: by the controller. Both say so since the frame that is the later one by the clock.
+local function tell(self, out, frame, time)
+  local since, other = {frame = frame, time = time}, self[out and "newest_in" or "newest_out"]
+  self[out and "newest_out" or "newest_in"] = since
+  local back = other and other.time - time or 0
+  if back > 0 and back < self.operation.limits.disorder_ns then since = other end
   if self.stw1 == nil or self.zsw1 == nil or self.lost_out or self.lost_in then return end
   self.operation:look({
     frame = frame, time = time, stw1 = self.stw1, heeded = self.heeded or self.stw1, zsw1 = self.zsw1,
-    setpoint = self.setpoint, actual = self.actual,
+    setpoint = self.setpoint, actual = self.actual, since = since,
   })
 end
 
@@ -200,7 +206,7 @@ function Recorder:sent(words, frame, time)
     local value = pzd.signed(raw)
     self.setpoint = not self.own and bit(stw1, REVERSE) == 1 and -value or value
   end
-  tell(self, frame, time)
+  tell(self, true, frame, time)
 end
 
 --- The words of the drive from a frame on.
@@ -215,7 +221,7 @@ function Recorder:answered(words, frame, time)
   if zsw1 ~= self.zsw1 or self.lost_out or self.lost_in then status(self, zsw1, frame, time) end
   self.is_skipped = false
   if learnt(self, raw) then self.actual = pzd.signed(raw) end
-  tell(self, frame, time)
+  tell(self, false, frame, time)
 end
 
 --- Frames are missing from here on: what became of the words in them nobody knows.

@@ -43,6 +43,8 @@ class Now(NamedTuple):
     setpoint: int | None
     """As it is effective, raw; None where the telegram has none."""
     actual: int | None
+    since: tuple[int, int]
+    """Time and frame from which on both say so: those of the other side where these are later by the clock."""
 
 
 @dataclass(slots=True)
@@ -75,7 +77,7 @@ class _Standing:
         self.begun = self.newest = None
         if begun is None or newest is None:
             return None
-        stood = newest.time_ns - begun.time_ns
+        stood = newest.time_ns - begun.since[0]
         return (begun, stood / 1e9) if stood >= self.limit_ns else None
 
 
@@ -259,7 +261,7 @@ class Operation:
             args["bits"] = [bit for bit in (4, 5, 6) if not begun.heeded >> bit & 1]
         elif standing is self._away:
             args["percent"] = self.bounds.deviation_percent
-        self._say(standing.rule, begun.frame, **args)
+        self._say(standing.rule, begun.since[1], **args)
 
     def _say(self, rule: str, frame: int, **args: Any) -> None:
         self.remarks.append(Remark(rule, frame, self.where | args))

@@ -131,6 +131,8 @@ class Recorder:
     """Whether frames are missing before the next one of the drive."""
     _setpoint: int | None = None
     _actual: int | None = None
+    _newest: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0), (0, 0)])
+    """Time and frame of the newest words of the drive, and of the controller."""
 
     def __post_init__(self) -> None:
         self.trips = Trips(self.operation.bounds.trip_ns)
@@ -149,7 +151,7 @@ class Recorder:
         if self._learnt(raw):
             self._setpoint = -raw if pzd.turns(stw1, self.own) else raw
             self.setpoint.take(time_ns, self._setpoint)
-        self._tell(frame)
+        self._tell(frame, True)
 
     def answered(self, data: bytes, frame: int, time_ns: int) -> None:
         """The words of the drive from a frame on."""
@@ -164,15 +166,19 @@ class Recorder:
         if self._learnt(raw):
             self._actual = raw
             self.actual.take(time_ns, raw)
-        self._tell(frame)
+        self._tell(frame, False)
 
-    def _tell(self, frame: int) -> None:
+    def _tell(self, frame: int, by_controller: bool) -> None:
+        since, other = (self.end_ns, frame), self._newest[not by_controller]
+        self._newest[by_controller] = since
+        if 0 < other[0] - since[0] < self.operation.bounds.disorder_ns:
+            since = other
         stw1, zsw1 = self._stw1, self._zsw1
         if stw1 is None or zsw1 is None or self._lost:
             return
         heeded = stw1 if self._heeded is None else self._heeded
         values = self._setpoint, self._actual
-        self.operation.look(Now(frame, self.end_ns, stw1, heeded, zsw1, *values))
+        self.operation.look(Now(frame, self.end_ns, stw1, heeded, zsw1, *values, since))
 
     def skipped(self) -> None:
         """Frames are missing from here on: the words in them are unknown."""
