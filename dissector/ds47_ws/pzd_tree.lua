@@ -23,7 +23,8 @@ local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint; on drives
 local function percent(place, raw)
   if not raw or not place.valid or not place.speed then return nil end
   local share = raw / tables.pzd.word * 100
-  local turned = place.sent and bit_of(place.word, REVERSE) == 1 and not relations.is_of_others(place.relation)
+  local turned = place.sent and bit_of(place.word, REVERSE) == 1
+    and not relations.is_of_others(place.relation)
   return turned and -share or share
 end
 

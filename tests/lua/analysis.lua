@@ -1,7 +1,7 @@
 -- The analysis under plain Lua, for a comparison with that in Python: packets in, the complete result out.
 -- Usage: lua analysis.lua INPUT. Input is a JSON object a line, its `kind` says what it is:
---   begin          {lang, look, layouts, limits}: a new analysis, told in these languages ("en zh"); `limits` that
---                  from here on are otherwise than in spec/limits.toml; `look`: ended()
+--   begin          {lang, look, layouts, limits}: a new analysis, told in these languages ("en zh");
+--                  `limits`: those that differ from spec/limits.toml from here on; `look`: ended()
 --                  after every packet, which must not matter; `layouts` of IND by device, "" for all others
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
 --                  seconds and nanoseconds; of a frame that is cut its lengths as `captured` and `original`

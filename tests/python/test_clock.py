@@ -51,7 +51,7 @@ def test_the_zone_is_said_once_and_each_line_has_its_time() -> None:
 def test_a_capture_ends_with_its_last_frame_whatever_that_holds() -> None:
     start = ns("2026-11-21T23:59:50+01:00")
     result = of(start, start + SECOND)
-    assert " to 23:59:51.000 (last transaction or event), 1000.0 ms" in printed(result, BERLIN)
+    assert " to 23:59:51.000 (last transaction or event), 1.00 s" in printed(result, BERLIN)
     result.end_ns = start + 15 * SECOND
     shown = printed(result, BERLIN)
     assert " to 2026-11-22 00:00:05.000, 15.0 s" in shown

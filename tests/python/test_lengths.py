@@ -270,6 +270,23 @@ def test_an_option_without_effect_is_refused(
 
 
 @pytest.mark.parametrize(
+    ("words", "refused"),
+    [
+        ("trail -f csv --width 80", "--width has no effect in csv, only in text"),
+        ("check -f json --all", "--all has no effect in json, only in text, markdown"),
+        ("check -f markdown --summary", "--summary has no effect in markdown, only in text, json"),
+        ("diff -f json --all", "--all has no effect in json, only in text, html"),
+    ],
+)
+def test_nor_do_other_commands_take_one(
+    words: str, refused: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = [str(SMALL[0])] * (2 if words.startswith("diff") else 1)
+    assert main([*words.split(), *paths]) == 2
+    assert refused in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("words", "room", "kept"),
     [
         ("One. Two. Three.", 9, "One. Two."),

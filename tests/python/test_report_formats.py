@@ -345,8 +345,11 @@ def test_words():
     assert formatting.parameter(change, written=True) == "p50304[0] := 100.0"
     scaled = Parameter(1, 0, "value", 1, None, "%", "N2", 1, [16384], [100.0])
     assert formatting.parameter(scaled, written=False) == "p0001[0] = 16384 (100.0 %)"
-    assert [formatting.duration(ns) for ns in (412_000, 12_400_000, 12_300_000_000)] == [
+    lengths = (412_000, 12_400_000, 999_900_000, 5_756_200_000, 12_300_000_000)
+    assert [formatting.duration(ns) for ns in lengths] == [
         "0.412 ms",
         "12.4 ms",
+        "999.9 ms",
+        "5.76 s",
         "12.3 s",
     ]

@@ -237,8 +237,8 @@ def test_the_overview_says_when_each_capture_began_and_how_long_it_is() -> None:
     assert head == "Captures, the worst first (times: Europe/Berlin)"
     assert names.split()[-3:] == ["start", "length", "capture"]
     assert [line.split()[5:] for line in lines] == [
-        ["-", "-", "d", "not", "readable:", "why"], ["2026-11-21", "12:14:03", "1500.0", "ms", "a"],
-        ["2026-11-22", "00:00:00", "-", "b"], ["-", "1000.0", "ms", "c"],
+        ["-", "-", "d", "not", "readable:", "why"], ["2026-11-21", "12:14:03", "1.50", "s", "a"],
+        ["2026-11-22", "00:00:00", "-", "b"], ["-", "1.00", "s", "c"],
     ]  # fmt: skip
     assert CaptureRow.loaded(rows[0].plain()) == rows[0]
     older = rows[0].plain()

@@ -59,7 +59,7 @@ def test_the_text_sums_up_by_connection_and_lists_what_went_wrong(said: Said, fi
     (row,) = [line for line in text.splitlines() if "10.0.0.1:49152 -> 10.0.0.2:102" in line]
     assert row.split("102  ")[1].split() == [
         "01.00", "->", "01.02", "PG,", "rack", "0", "slot", "2", "480", "x1", "4", "1", "0", "8", "4", "200",
-        "1500.0", "ms", "(3000.0", "ms)",
+        "1.50", "s", "(3.00", "s)",
     ]  # fmt: skip
     assert re.findall(r"^#(\d)", text, re.MULTILINE) == ["2"]
     assert "3 transactions without findings are not listed below" in text

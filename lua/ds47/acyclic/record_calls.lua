@@ -16,7 +16,8 @@ local M = {}
 
 local OPERATIONS = {[rpc.READ] = "Read", [rpc.WRITE] = "Write", [rpc.READ_IMPLICIT] = "ReadImplicit"}
 local CONNECT, RELEASE = rpc.CONNECT, rpc.RELEASE
-local OF_REQUESTS = {calls = true, activities = true, pending_writes = true, unanswered_writes = true} -- limits
+-- Limits that push out requests
+local OF_REQUESTS = {calls = true, activities = true, pending_writes = true, unanswered_writes = true}
 
 -- Peers, by what tells them apart.
 local peers, peer_count, MOST_PEERS = {}, 0, 4096

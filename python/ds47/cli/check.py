@@ -24,6 +24,7 @@ from ds47.cli.options import (
     expected_in,
     jobs_option,
     options_from,
+    refuse_without_effect,
     require_option,
 )
 from ds47.cli.series import refuse_urls, series_option, tasks, tell_lacking
@@ -96,6 +97,9 @@ def command(
     that is not as --expect has it is a new finding, a warning. Tolerances, masks and known findings
     are set in ds47.toml.
     """
+    refuse_without_effect(
+        format_name, {"summary": ("text", "json"), "show_all": ("text", "markdown")}
+    )
     refuse_urls(paths)
     spare_captures(junit, sarif)
     outcomes, seconds, misses = _run(paths, series, jobs, {

@@ -10,7 +10,7 @@ import click
 from ds47.capture.names import about
 from ds47.cli.common import Misses, columns_of, fail, format_option, output, refused
 from ds47.cli.helping import helped
-from ds47.cli.options import analysis_options, options_from
+from ds47.cli.options import analysis_options, options_from, refuse_without_effect
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 
@@ -53,6 +53,7 @@ def command(
     """
     from ds47.regression.difference_report import write
 
+    refuse_without_effect(format_name, {"everything": ("text", "html")})
     analysis = options_from(**options)
     spare_captures(output_name)
     if any(path.lower().endswith(".csv") for path in (a, b)):

@@ -6,11 +6,12 @@ Turns the command line into `ds47.analysis.AnalysisOptions`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from ds47.cli.common import (
     codec_options,
@@ -47,8 +48,6 @@ def zone_for_paths(where: Zone, paths: Sequence[str]) -> Zone:
 
     Errors in that file are reported with the captures.
     """
-    from click.core import ParameterSource
-
     from ds47.batch.settings import zone_for
     from ds47.capture import CaptureError
 
@@ -130,6 +129,28 @@ def tell_empty(paths: Sequence[str], lacking: str) -> None:
 
     for path in paths:
         fail(about(path, lacking))
+
+
+_SPELLED = {"opens": "open", "show_all": "all", "everything": "all"}
+
+
+def refuse_without_effect(format_name: str, only_in: Mapping[str, Sequence[str]]) -> None:
+    """An option that a format does not know is refused: whoever gives it waits for its effect.
+
+    Args:
+        format_name: the format that is written.
+        only_in: the names of options, and the formats that know them.
+
+    Raises:
+        click.UsageError: one is given.
+    """
+    context = click.get_current_context()
+    for name, formats in only_in.items():
+        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if given and format_name not in formats:
+            raise click.UsageError(
+                f"--{_SPELLED.get(name, name)} has no effect in {format_name}, only in {', '.join(formats)}"
+            )
 
 
 def heading_options(function: Function) -> Function:

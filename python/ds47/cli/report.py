@@ -13,7 +13,6 @@ from pathlib import Path, PurePath
 from typing import Any, TextIO
 
 import click
-from click.core import ParameterSource
 
 from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
@@ -30,6 +29,7 @@ from ds47.cli.options import (
     heading_options,
     jobs_option,
     options_from,
+    refuse_without_effect,
     require_option,
     tell_empty,
     tz_option,
@@ -199,7 +199,7 @@ def command(
     )  # fmt: skip
     execution.check(paths, series)
     name = format_name or _of_name(output_name) or ("overview" if results_name else "text")
-    _refuse_what_has_no_effect(name)
+    refuse_without_effect(name, _ONLY_IN)
     if summary and show_all:
         raise click.UsageError("either --summary or --all")
     where = zone_for_paths(where, paths)
@@ -273,25 +273,6 @@ _OF_OTHERS = {
     ".pdf": "print the page to one: -o report.html",
     **dict.fromkeys((".xlsx", ".xls"), "a spreadsheet reads -o report.csv"),
 }
-_SPELLED = {"opens": "open", "show_all": "all"}
-
-
-def _refuse_what_has_no_effect(format_name: str) -> None:
-    """An option that a format does not know is refused: whoever gives it waits for its effect.
-
-    Raises:
-        click.UsageError: one is given.
-    """
-    context = click.get_current_context()
-    given = {
-        f"--{_SPELLED.get(name, name)}": formats for name, formats in _ONLY_IN.items()
-        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-    }  # fmt: skip
-    for option, formats in given.items():
-        if format_name not in formats:
-            raise click.UsageError(
-                f"{option} has no effect in {format_name}, only in {', '.join(formats)}"
-            )
 
 
 def _of_name(output_name: str) -> str | None:

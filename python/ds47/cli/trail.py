@@ -22,7 +22,13 @@ from ds47.cli.common import (
     width_option,
 )
 from ds47.cli.helping import helped
-from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
+from ds47.cli.options import (
+    analysis_options,
+    options_from,
+    refuse_without_effect,
+    tz_option,
+    zone_for_paths,
+)
 from ds47.cli.selecting import CRITERIA, chosen, selection_options
 from ds47.cli.series import series_option, tasks, tell_lacking, tell_nothing
 from ds47.report.bilingual import say
@@ -59,6 +65,7 @@ def command(
     from ds47.report.changes import Writer
     from ds47.report.selection import There
 
+    refuse_without_effect(format_name, {"width": ("text",)})
     where = zone_for_paths(where, paths)
     choice = chosen(where, **{name: options.pop(name) for name in CRITERIA})
     analysis = options_from(**options)

@@ -29,10 +29,10 @@ def count(number: int, noun: str) -> str:
 
 
 def duration(nanoseconds: int) -> str:
-    """A duration in a suitable unit: `0.412 ms`, `12.4 ms`, `12.3 s`."""
+    """A duration in a suitable unit: `0.412 ms`, `12.4 ms`, `1.23 s`, `12.3 s`."""
     milliseconds = nanoseconds / 1e6
-    if abs(milliseconds) >= 10_000:
-        return f"{milliseconds / 1000:.1f} s"
+    if abs(milliseconds) >= 1_000:
+        return f"{milliseconds / 1000:.{1 if abs(milliseconds) >= 10_000 else 2}f} s"
     return f"{milliseconds:.3f} ms" if abs(milliseconds) < 1 else f"{milliseconds:.1f} ms"
 
 

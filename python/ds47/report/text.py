@@ -284,10 +284,10 @@ class Writer(_Writer):
             there = _traffic(result)
             if there is None and not counts.cut:
                 there = say("no_rpc" if result.bus is None else "no_bus_records")
-            words = (
-                say("no_transaction") if there is None else say("no_transaction_but", there=there)
-            )
-            self._line("  " + words.text(self.options.lang))
+            nothing = say("no_transaction")
+            if there is not None:
+                nothing = say("no_transaction_but", there=there)
+            self._line("  " + nothing.text(self.options.lang))
 
     def _about_file(self, result: CaptureResult) -> Iterator[str]:
         """What part of the file is shown, or could be read."""

@@ -74,7 +74,7 @@ function grouped(number) {
 /** A time given in microseconds, in the unit that fits it. */
 function duration(us) {
   const ms = us / 1000;
-  if (Math.abs(ms) >= 10000) return `${(ms / 1000).toFixed(1)} s`;
+  if (Math.abs(ms) >= 1000) return `${(ms / 1000).toFixed(Math.abs(ms) >= 10000 ? 1 : 2)} s`;
   return `${ms.toFixed(Math.abs(ms) < 1 ? 3 : 1)} ms`;
 }
 
