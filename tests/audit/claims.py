@@ -1006,8 +1006,10 @@ def vendor(case: Case) -> Iterator[str]:
     device = case.deal.device if case.deal else None
     known = case.reading.vendors.get(device) if device else None
     if str(device).startswith("dp"):  # the ident number says it, which is not looked at here
-        family = case.args.get("family", "sinamics" if case.args.get("vendor_id") else None)
-        known = 0x2A if family == "sinamics" else None
+        told = case.args.get("vendor_id")
+        known = {"sinamics": 0x2A, None: told, "profile": None if told == 0x2A else told}.get(
+            case.args.get("family")
+        )
     if case.args.get("vendor_id") not in (known, *((None,) if not known else ())):
         yield f"vendor_id {case.args.get('vendor_id')!r} is {known!r}"
     elif "vendor_id" in case.args and known and case.args["vendor_id"] is None:

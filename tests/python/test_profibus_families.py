@@ -22,7 +22,8 @@ from ds47.report import load
 from ds47.spec import maker_names
 
 STATION = 3
-IDENTS = MM4, SINAMICS, OTHER = "80b5", "80e5", "4711"
+IDENTS = MM4, SINAMICS, OTHER, VLT = "80b5", "80e5", "4711", "0402"
+LENZE, DANFOSS = 0x0106, maker_names.number("danfoss")
 WITHOUT_IDENT = SET_PRM[:8]
 """A Set_Prm that ends before the ident number."""
 SPEC = Path(__file__).parents[2] / "python/ds47/spec"
@@ -131,7 +132,8 @@ def test_parameters_are_named_by_what_the_frames_say(
 
 
 @pytest.mark.parametrize(
-    ("ident", "said"), [(SINAMICS, ["DS719"]), (MM4, ["DS701"]), (OTHER, ["DS701"])]
+    ("ident", "said"),
+    [(SINAMICS, ["DS719"]), (MM4, ["DS701"]), (OTHER, ["DS701"]), (VLT, ["DS701"])],
 )
 def test_a_drive_that_is_enabled_is_known_as_on_profinet(
     ident: str, said: list[str], tmp_path: Path
@@ -141,14 +143,15 @@ def test_a_drive_that_is_enabled_is_known_as_on_profinet(
     path.write_bytes(captured(refused(ident).stage))
     found = [each for each in analyze(path).findings if each.rule.startswith("DS7")]
     assert [each.rule for each in found] == said
-    assert found[0].args["vendor_id"] == (0x2A if ident == SINAMICS else None)
+    assert found[0].args["vendor_id"] == {SINAMICS: SIEMENS, VLT: DANFOSS}.get(ident)
     assert run.audit(path) == []
 
 
-LENZE, DANFOSS = 0x0106, maker_names.number("danfoss")
 ASSUMED = {
     (SINAMICS, LENZE): (SIEMENS, "Maximum speed", "No change access while the controller is enabled"),
     (MM4, LENZE): (None, "Maximum frequency", "(SINAMICS: No change access while the controller is enabled)"),
+    (VLT, LENZE): (DANFOSS, None, "Manufacturer-specific error 0x6B"),
+    (VLT, SIEMENS): (DANFOSS, None, "Manufacturer-specific error 0x6B"),
     (OTHER, LENZE): (LENZE, None, "see the manual of Lenze, vendor 0x0106"),
     (OTHER, DANFOSS): (DANFOSS, None, "Manufacturer-specific error 0x6B"),
     (OTHER, SIEMENS): (SIEMENS, "Maximum speed", "No change access while the controller is enabled"),

@@ -2418,7 +2418,7 @@ M.profibus.service_ids = {
   [61] = {[62] = "parameters"},
   [62] = {[62] = "configuration"},
 }
-M.profibus.vendors = {[0x80B5] = 0x002A, [0x80E5] = 0x002A}
+M.profibus.vendors = {[0x80B5] = 0x002A, [0x80E5] = 0x002A, [0x0402] = 0x0080, [0x0812] = 0x001A, [0x08DB] = 0x03FB}
 M.profibus.families = {[0x80B5] = "micromaster", [0x80E5] = "sinamics"}
 M.profibus.ppos = {
   {number = 1, modules = {8, 4}, pkw = true},

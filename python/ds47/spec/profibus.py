@@ -236,9 +236,9 @@ def vendor(ident: int | None) -> int | None:
 
 @cache
 def families() -> Mapping[int, str]:
-    """The family of the parameters (parameters.toml), by the ident numbers of drives that are known."""
+    """The family of the parameters (parameters.toml) by the ident number, where it is not that of the maker."""
     rows = _load("profibus.toml")["ident"]
-    return MappingProxyType({row["number"]: row["family"] for row in rows})
+    return MappingProxyType({row["number"]: row["family"] for row in rows if "family" in row})
 
 
 def family(ident: int | None) -> str | None:
