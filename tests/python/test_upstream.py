@@ -43,18 +43,23 @@ def test_the_frames_that_the_page_names_do_not_agree(name: str) -> None:
     assert f"| `{name}` | 0 of 1 | 0 of 1 | 1 of 1 |" in PAGE
 
 
-PATCHED = ("plugins/epan/profinet/packet-dcerpc-pn-io.c", "test/suite_dissection.py")
+DECODER, TESTS = "plugins/epan/profinet/packet-dcerpc-pn-io.c", "test/suite_dissection.py"
+PATCHES = {
+    "upstream": [DECODER],
+    "upstream-links": [DECODER, TESTS],
+    "upstream-profibus": [
+        *("epan/dissectors/CMakeLists.txt", "epan/dissectors/packet-profibus.c", TESTS),
+        *("wiretap/pcap-common.c", "wiretap/wtap.c", "wiretap/wtap.h"),
+    ],
+}
 
 
-@pytest.mark.parametrize(
-    ("name", "files"), [("upstream", PATCHED[:1]), ("upstream-links", PATCHED)]
-)
-def test_a_patch_is_one(name: str, files: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(("name", "files"), PATCHES.items())
+def test_a_patch_is_one(name: str, files: list[str]) -> None:
     """Each hunk has as many lines as its head says: `patch` takes no other."""
     patch = (ROOT / f"tools/{name}.patch").read_text("utf-8")
-    heads = re.findall(r"^--- a/(\S+)\n\+\+\+ b/(\S+)\n", patch, flags=re.MULTILINE)
-    assert heads == [(each, each) for each in files]
-    hunks = re.split(r"^(?=@@ )|^(?=--- a/)", patch, flags=re.MULTILINE)
+    assert re.findall(r"^\+\+\+ b/(\S+)\n", patch, flags=re.MULTILINE) == files
+    hunks = re.split(r"^(?=@@ )|^(?=--- (?:a|/dev)/)", patch, flags=re.MULTILINE)
     hunks = [each for each in hunks if each.startswith("@@ ")]
     assert len(hunks) > 5
     for hunk in hunks:
