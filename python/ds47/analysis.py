@@ -223,9 +223,11 @@ class Analysis:
         slow_ms = options.slow_ms
         slow_ns = bounds.slow_ns if slow_ms is None else int(slow_ms * 1e6)
         found = early.found if early is not None else None
-        ignore = (*options.ignore, *rules_of_others(options.channels))
+        others = rules_of_others(options.channels)
         self._times = FrameTimes(bounds.frame_times)
-        self._findings = Findings(options.select, ignore, found, self._times, bounds.lone_findings)
+        self._findings = Findings(
+            options.select, options.ignore, found, self._times, bounds.lone_findings, others
+        )
         self._outcomes: list[Outcome] = []
         index47 = Index47(
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars,
@@ -484,17 +486,16 @@ class Analysis:
 
     def _diagnose(self, capture: Capture | Series) -> None:
         """What only the whole capture can show."""
-        if DS47 not in self._options.channels:
-            return
         excerpt = isinstance(capture, Capture) and capture.excerpt
-        for remark in self._diagnoses.finish(
-            capture.dropped, capture.gaps, capture.complete, excerpt=excerpt
-        ):
-            self._findings.add(remark)
+        if DS47 in self._options.channels:
+            for remark in self._diagnoses.finish(
+                capture.dropped, capture.gaps, capture.complete, excerpt=excerpt
+            ):
+                self._findings.add(remark)
         frame, count = self._findings.left_out
         if count:
             args = {"limit": "lone_findings", "most": limits().lone_findings, "count": count}
-            self._findings.add(Remark("DS109", frame, args))
+            self._findings.add(Remark("DS109", frame, args), of_all=True)
 
     def _remark(self, remark: Remark) -> None:
         """A transport finding. If transactions are handed out, it goes with that of its job."""

@@ -7,6 +7,7 @@ status 70, and so is a short way that says other than the long one.
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import json
 import os
@@ -201,6 +202,7 @@ def loaders(data: bytes) -> None:
             status = main([word.format(**names) for word in words])
     finally:
         path.unlink()
+        gc.unfreeze()  # a command ends its process, and leaves its garbage to that
     if status == OURS or "internal fault" in said.getvalue():
         raise FaultError(said.getvalue())
 

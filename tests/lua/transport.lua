@@ -726,7 +726,7 @@ local function test_index47_waiting()
       door:send(ar, ar)
     end
   end
-  check("sixteen times as many together", door.index47.events, 320)
+  check("eight times as many together", door.index47.events, 160)
   check("the oldest goes", door.index47.held:get(1), nil)
 end
 

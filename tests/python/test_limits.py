@@ -97,6 +97,30 @@ def test_an_orphan_whose_channel_was_pushed_out_may_have_had_a_request(
     assert found(result) == {"DS109": 1, "DS110": 3}
 
 
+@pytest.mark.parametrize(
+    ("wanted", "rules"),
+    [
+        ({"ignore": ("DS908",)}, {"DS904": 3, "DS109": 1}),
+        ({"ignore": ("DS109", "DS908")}, {"DS904": 3}),
+        ({"select": ("DS904",)}, {"DS904": 3}),
+    ],
+)
+def test_of_any_channel_the_findings_that_had_no_room_are_told(
+    wanted: dict[str, tuple[str, ...]],
+    rules: dict[str, int],
+    captures: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bounds = limits().but(lone_findings=3)
+    monkeypatch.setattr(analysis, "limits", lambda: bounds)
+    options = analysis.AnalysisOptions(channels=("s7",), **wanted)
+    result = analyze(captures / "lossy-stacks/s7connector.pcapng", options)
+    assert found(result) == rules
+    assert [each[1] for each in told(result)] == [
+        "ds47 reached its limit lone_findings = 3: 7 given up, the first in this frame"
+    ] * rules.get("DS109", 0)
+
+
 @pytest.mark.skipif(not REPRODUCERS.is_dir(), reason="shared/captures is missing")
 @pytest.mark.parametrize(
     ("name", "said"),

@@ -40,6 +40,7 @@ class Findings:
     Args:
         select: rule ids or prefixes that are wanted; empty for all.
         ignore: rule ids or prefixes that are not wanted.
+        others: those of rules about channels that are not wanted.
         found: gets each finding at once; then none is kept for `result`.
         times: when frames were.
         most: of each rule so many findings are kept that belong to no transaction; the others are counted.
@@ -52,10 +53,12 @@ class Findings:
         found: Callable[[Finding], None] | None = None,
         times: FrameTimes | None = None,
         most: int | None = None,
+        others: tuple[str, ...] = (),
     ) -> None:
         self._found = found
         self._select = select
         self._ignore = ignore
+        self._others = others
         self._times = times or FrameTimes(0)
         self._most = most
         self._alone: Counter[str] = Counter()
@@ -67,9 +70,9 @@ class Findings:
         self.frames_dropped = False
         """Whether the capture says that frames are missing; unanswered and orphan say so then."""
 
-    def add(self, remark: Remark) -> None:
-        """Keeps a remark for `result`, or reports it at once, if its rule is wanted."""
-        if not self.wanted(remark.rule):
+    def add(self, remark: Remark, *, of_all: bool = False) -> None:
+        """Keeps a remark for `result`, or reports it at once, if its rule is wanted; `of_all`: of any channel."""
+        if not (self._asked_for(remark.rule) if of_all else self.wanted(remark.rule)):
             return
         remark.time_ns = self._times.of(remark.frame)
         if self._found is not None:
@@ -85,7 +88,10 @@ class Findings:
         return False
 
     def wanted(self, rule: str) -> bool:
-        """Whether the user wants to hear of a rule."""
+        """Whether the user wants to hear of a rule, and of its channel."""
+        return self._asked_for(rule) and not rule.startswith(self._others)
+
+    def _asked_for(self, rule: str) -> bool:
         if self._select and not rule.startswith(self._select):
             return False
         return not (self._ignore and rule.startswith(self._ignore))
