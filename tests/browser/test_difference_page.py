@@ -61,7 +61,7 @@ def test_one_of_several_things_is_chosen_for_a_plot(browser, page):
     captions = browser.texts("[data-difference] figcaption")
     assert captions == [
         "How long transactions take, over time",
-        "How many transactions are done within how long",
+        "Share of transactions done within a time",
         "Values that differ, over time",
     ]
     about = "[data-difference] figure:nth-child(1) p"

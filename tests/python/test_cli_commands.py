@@ -339,7 +339,7 @@ def test_rules_lists_and_explains(capsys):
     assert [line.split()[0] for line in out.splitlines()] == sorted(spec.rules())
     _, out, _ = run(capsys, "rules", "ds301")
     assert out.startswith("DS301 ")
-    assert "Advice:" in out
+    assert "What to do:" in out
     _, out, _ = run(capsys, "rules", "DS3", "-f", "json")
     assert {rule["id"][:3] for rule in json.loads(out)} == {"DS3"}
 

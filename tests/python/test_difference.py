@@ -392,6 +392,22 @@ def test_what_only_one_capture_has_is_one_line_without_all():
     assert order == sorted(order)
 
 
+@pytest.mark.parametrize(
+    ("paths", "called"),
+    [
+        (("/home/me/a.pcapng", "/home/me/b.pcapng"), ("a.pcapng", "b.pcapng")),
+        (("/home/me/mon/a.pcapng", "/home/me/tue/a.pcapng"), ("mon/a.pcapng", "tue/a.pcapng")),
+        (("/home/me/a.pcapng", "/home/me/a.pcapng"), ("a.pcapng", "a.pcapng")),
+    ],
+)
+def test_the_page_names_captures_without_the_folders_of_a_machine(a, paths, called):
+    stream = io.StringIO()
+    write(difference(a, a, paths), "html", stream)
+    shown = re.findall(r'class="path">(.*?)</span>', stream.getvalue())
+    assert tuple(shown) == called
+    assert "/home/me" not in stream.getvalue()
+
+
 def test_json_and_html(a):
     b = deepcopy(a)
     b["devices"][0]["station"] = '<script>alert("1")</script>'

@@ -45,10 +45,12 @@ def page(found: Difference, lang: str = "en", *, everything: bool = False) -> st
     """
     templates = shell.environment()
     otherwise = conclusions(found)
+    called = shell.names(found.names)
     plotted = {"durations": durations(found), "elements": _elements(found, otherwise)}
     known = {
         **shell.known(templates, lang, SCRIPTS),
         "found": found,
+        "called": [called[path] for path in found.names],
         "everything": everything,
         "verdict": words.verdict(found),
         "level": level(found, otherwise),

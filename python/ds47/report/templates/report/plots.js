@@ -1,14 +1,14 @@
 // The plots of a capture: what is plotted, and the words with it. How a chart is drawn is in chart.js; percentiles and
 // groups are in plot_marks.js.
 
-const COLOR = { good: "#2e9e5b", bad: "#d9483b", open: "#d08a1d", read: "#2f7fd1", change: "#9a5fd0", orphan: "#9aa4ae", sent: "#d08a1d", state: "#7b8794", axis: "#7b8794" };
+const COLOR = { good: "#2e9e5b", bad: "#d9483b", open: "#c07c10", read: "#2f7fd1", change: "#9a5fd0", orphan: "#9aa4ae", sent: "#c07c10", state: "#7b8794", axis: "#7b8794" };
 const MOST_POINTS = 6000;
 const MOST_PICKED = 3000;
 const PALETTE = ["#2f7fd1", "#9a5fd0", "#1f9c94", "#c2762b", "#b0488f", "#6b7f2a", "#5b6bd6"];
 const MARKERS = ["circle", "diamond", "triangle", "square", "inverted_triangle", "hex", "star"];
 const OF_A_STRETCH = 20; // transactions of which percentiles are taken
 const STRETCHES = 60;
-const PERCENTS = [[50, null, "#7b8794"], [95, "7 4", "#d08a1d"], [99, "2 3", "#c2502e"]];
+const PERCENTS = [[50, null, "#7b8794"], [95, "7 4", "#c07c10"], [99, "2 3", "#c2502e"]];
 const WIDE = 20; // from this ratio on an axis of durations is logarithmic
 const WIDE_VALUES = 1000;
 const BINS = 48;
