@@ -22,6 +22,8 @@ LANGUAGES = ("en", "zh")
         (("12582912", "0x00C00000"), 0x00C00000, ["object is not available"]),
         (("196608", "s7 0x30000"), 0x00030000, ["wrong form"]),
         (("7340032", "s7 0x00700000"), 0x00700000, ["more data than the PDU takes"]),
+        (("0xffffff7e", "s7 -130", "s7 4294967166"), 0xFFFFFF7E, ["= -130:", "no buffer"]),
+        (("0xFFFFFBFF", "FFFFFBFF", "s7 -1025"), 0xFFFFFBFF, ["libnodave", "no answer in time"]),
         (("s7 655362",), 0x000A0002, ["while receiving", "error 2 of the operating system"]),
     ],
 )
@@ -63,7 +65,8 @@ def test_every_number_of_the_table_has_an_answer(lang: str) -> None:
     clients = [row["code"] << 20 for row in table["client"]]
     connections = [row["code"] << 16 for row in table["connection"]]
     sockets = [0xA0000 | code for row in table["socket"] for code in row["codes"]]
-    for number in chain(clients, connections, sockets):
+    others = [(1 << 32) + row["code"] for row in table["libnodave"]]
+    for number in chain(clients, connections, sockets, others):
         (meaning,) = explain(f"s7 {number:#x}", lang)
         assert meaning.causes
         assert all(part.text for part in meaning.parts)

@@ -99,6 +99,17 @@ PASTED = (
     ("b' ISO : Bad PDU format'", "several threads share the connection"),
     # plc4x 599
     ("Error Class: 0x83 Error Code: 0x04", "PUT and GET are not permitted"),
+    # openHAB-Simatic 2, 7, 9, 26; DotNetSiemensPLCToolBoxLibrary 60
+    (
+        "Read data area error (Area=DB24.DBB0-DB24.DBB4, Return code=0xffffff7e, Error=Buffer size)",
+        "= -130: result of libnodave",
+    ),
+    (
+        "Read data area error (Area=M0-M1, Return code=0xffffff7d, Error=No data returned.})",
+        "the partner closed the connection",
+    ),
+    ("Return code=0xffffff7e", "the buffer of the caller is smaller"),
+    ("Timeout when waiting for PLC response", "= -1025: result of libnodave"),
     # the outputs of a block in one line
     ("SINA_POS 8600 DiagId 80A0", "SINA_POS DiagId: 0x80A0"),
     ("fault F07220 and F07900 after a restart", "F07220"),

@@ -20,5 +20,6 @@ def codes_in(text: str) -> list[str]:
 
     Of two words the first says what kind of code the second is: that is no line of a log.
     """
-    found = [each.group() for each in _INSIDE.finditer(text)] if len(text.split()) > _PAIR else []
+    line = len(text.split()) > _PAIR or "=" in text
+    found = [each.group() for each in _INSIDE.finditer(text)] if line else []
     return list(dict.fromkeys(found)) or [f"s7 0x{each:08X}" for each in snap7.numbers_named(text)]

@@ -108,9 +108,11 @@ def _meanings(
     if kind == forms.PKW or kind in bit_words():
         yield cyclic.named(str(kind), value, lang, None if vendor is None else vendor.id)
     elif kind in RETURNED or kind == S7_ERROR:
-        if reading.size in (forms.BYTE, forms.WORD):
+        below = list(snap7.below_zero(reading, lang)) if kind == S7_ERROR else []
+        yield from below
+        if reading.size in (forms.BYTE, forms.WORD) and not below:
             yield _s7(value, lang) if kind == S7_ERROR else _number(str(kind), value, lang)
-        elif kind == S7_ERROR:
+        elif kind == S7_ERROR and not below:
             yield from snap7.named(reading, lang)
     elif reading.size in _OF_ONE_MEANING:
         yield _OF_ONE_MEANING[reading.size](value, lang)

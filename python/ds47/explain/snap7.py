@@ -1,4 +1,4 @@
-"""What a number means that the library Snap7, or one of its relatives, returns: `36700160`, `0xA274C`."""
+"""What a number means that Snap7, libnodave or a relative returns: `36700160`, `0xA274C`, `0xffffff7e`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from ds47.explain.answer import BlockOutputs, CodeMeaning, CodePart, answer
-from ds47.explain.forms import Reading
+from ds47.explain.forms import WORD, Reading
 from ds47.spec import explanations, snap7
 from ds47.spec.explanations import CodeCause, Explanation
 
@@ -21,6 +21,12 @@ def named(reading: Reading, lang: str) -> Iterator[CodeMeaning]:
         yield _meaning(reading.value, parts, lang)
 
 
+def below_zero(reading: Reading, lang: str) -> Iterator[CodeMeaning]:
+    """What a number of libnodave means that was read as one of two bytes: `-1025`."""
+    if reading.decimal and reading.size == WORD:
+        yield from named(replace(reading, value=reading.value | 0xFFFF0000), lang)
+
+
 def alone(reading: Reading, lang: str) -> Iterator[CodeMeaning]:
     """The same without a word in front of it."""
     parts = snap7.parts(reading.value)
@@ -33,7 +39,9 @@ def _meaning(number: int, parts: tuple[snap7.Part, ...], lang: str) -> CodeMeani
     words = explanations.words(lang)
     code = f"0x{number:08X}"
     text = words["part_separator"].join(each.text(lang) for each in parts)
-    title = snap7.word("title", lang).format(code=code, decimal=number, text=text)
+    whole = parts[0].name == snap7.LIBNODAVE
+    title = snap7.word("title_libnodave" if whole else "title", lang)
+    title = title.format(code=code, decimal=parts[0].code if whole else number, text=text)
     causes = [cause for part in reversed(parts) for cause in (*part.causes(), *_handed_on(part))]
     entry = Explanation(
         tuple(causes) or (snap7.general_cause(parts[0].name),),
@@ -62,5 +70,7 @@ def _listed(parts: tuple[snap7.Part, ...], lang: str) -> Iterator[CodePart]:
             said = (f"0x{code:04X}" if code > 0xFF else f"0x{code:02X}" for code in part.stands_for)
             listed = explanations.words(lang)["list_separator"].join(said)
             text = snap7.word("stands_for", lang).format(list=listed)
-        shown = str(part.code) if part.name == snap7.SOCKET else f"0x{part.code:X}"
+        shown = (
+            str(part.code) if part.name in (snap7.SOCKET, snap7.LIBNODAVE) else f"0x{part.code:X}"
+        )
         yield CodePart(shown, snap7.word(part.name, lang), text)

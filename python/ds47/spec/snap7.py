@@ -1,4 +1,4 @@
-"""The error numbers of Snap7 as Python objects (spec/snap7.toml): what they consist of, and the words."""
+"""The error numbers of Snap7 and of libnodave as Python objects (spec/snap7.toml): their parts, and the words."""
 
 from __future__ import annotations
 
@@ -15,13 +15,16 @@ from ds47.spec.words import Words
 _FILE = "snap7.toml"
 word = Words(_FILE).word
 CLIENT, CONNECTION, SOCKET = "client", "connection", "socket"
+LIBNODAVE = "libnodave"
+_WHOLE = 1 << 32
+"""Numbers of libnodave are negative ones of 32 bits."""
 _CLIENT_SHIFT, _CONNECTION_SHIFT, _SOCKET_MASK = 20, 16, 0xFFFF
 _SHIFTS = {CLIENT: _CLIENT_SHIFT, CONNECTION: _CONNECTION_SHIFT, SOCKET: 0}
 _SOCKET_ERROR = re.compile(r"socketerror\(([0-9]{1,5})\)")
 
 
 class Part(NamedTuple):
-    """A part of a number: CLIENT, CONNECTION or SOCKET, its code, and its row, None where there is none."""
+    """A part of a number: CLIENT, CONNECTION, SOCKET or (the whole) LIBNODAVE, its code, and its row or None."""
 
     name: str
     code: int
@@ -58,6 +61,10 @@ def _names() -> Mapping[str, int]:
         _plain(name): row.get("code", row.get("codes", [0])[0]) << _SHIFTS[table]
         for table, row in rows for name in row.get("names", ())
     }  # fmt: skip
+    named |= {
+        _plain(name): row["code"] + _WHOLE
+        for row in _load(_FILE)[LIBNODAVE] for name in row.get("names", ())
+    }  # fmt: skip
     return MappingProxyType(named)
 
 
@@ -80,12 +87,14 @@ def numbers_named(text: str) -> list[int]:
 
 
 def general_cause(name: str) -> CodeCause:
-    """The cause where the row of a part has none: of CLIENT or CONNECTION."""
+    """The cause where the row of a part has none: of CLIENT, CONNECTION or LIBNODAVE."""
     return CodeCause(**_load(_FILE)["general"][name])
 
 
 def parts(number: int) -> tuple[Part, ...]:
     """What a number consists of; empty where it is none of the library."""
+    if whole := _rows(LIBNODAVE).get(number - _WHOLE):
+        return (Part(LIBNODAVE, number - _WHOLE, whole),)
     client, rest = number >> _CLIENT_SHIFT, number & (1 << _CLIENT_SHIFT) - 1
     if client:
         row = _rows(CLIENT).get(client)
