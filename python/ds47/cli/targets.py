@@ -12,7 +12,6 @@ from pathlib import Path
 import click
 
 from ds47.capture.names import STDIN
-from ds47.cli.common import refused
 
 
 def spare_captures(*names: str | None, hint: str = "choose another name") -> None:
@@ -26,8 +25,10 @@ def spare_captures(*names: str | None, hint: str = "choose another name") -> Non
     for name in names:
         if name is None or name == STDIN or not Path(name).is_file():
             continue
-        with refused(CaptureError, said="cannot write over "):
+        try:
             spared = holds_capture(Path(name))
+        except CaptureError as problem:
+            raise click.ClickException(f"cannot write over {problem}") from problem
         if spared:
             raise click.ClickException(f"{name} is a capture and is not overwritten: {hint}")
 
