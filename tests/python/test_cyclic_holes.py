@@ -242,7 +242,7 @@ def test_a_response_may_come_behind_the_end_of_a_channel_that_nothing_proves(
 ) -> None:
     """The drive takes 1.6 s: before that nothing is wrong with telegram and addresses."""
     stage = Stage()
-    slow_response(Client(stage))
+    slow_response(Client(stage), 1082, 100, 110)
     there = frames(captured(stage))
     result = analyze(io.BytesIO(written(there[: int(share * len(there))])))
     assert [each.rule for each in result.findings] == said

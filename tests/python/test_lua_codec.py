@@ -199,7 +199,7 @@ def requests_and_responses() -> Iterator[tuple[bytes, bytes | None]]:
             yield data, None
         else:
             yield bytes.fromhex(vector.get("request", "010101011001000100000000")), data
-    for sent, got in (*CORNERS, *((row.request, row.response) for row in ROWS)):
+    for sent, got in (*CORNERS, *((row[4], row[5] if len(row) > 5 else None) for row in ROWS)):
         yield bytes.fromhex(sent), None if got is None else bytes.fromhex(got)
     for path in sorted((ROOT / "captures").glob("*.pcap*")):
         for transaction in analyze(path).transactions:

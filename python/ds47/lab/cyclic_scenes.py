@@ -276,7 +276,7 @@ def _saved(client: Client, times: int) -> None:
         it.change(1082, real(40 + number), ak=13)
 
 
-def _slow(client: Client, pnu: int, pause: int, cycles: int) -> None:
+def slow_response(client: Client, pnu: int, pause: int, cycles: int) -> None:
     """The drive responds after so many cycles; so many stands the request."""
     machine(client, pause=pause).start().read(pnu, cycles=cycles)
 
@@ -332,7 +332,7 @@ def right_layout(client: Client) -> None:
 
 
 BOOK.scenes(
-    _slow,
+    slow_response,
     ("slow-response", "The drive takes its time", "DS511: a response after 1.6 s", "read ok, DS511",
      1082, 100, 110),
     ("less-slow-response", "The drive takes some time", "Near DS511: a response after 0.8 s", "read ok",

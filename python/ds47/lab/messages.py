@@ -28,8 +28,7 @@ def _play(client: Client, request: str, response: str | None = None) -> None:
         client.exchange(bytes.fromhex(request), bytes.fromhex(response), at=at)
 
 
-BOOK.scenes(
-    _play,
+ROWS = (
     ("reference-zero", "Request reference 0", "", "read ok, DS301", "00010101 1001 0015 0000",
      "00010101 0801 41200000"),
     ("request-id", "Unknown request ID, answered with 0x80", "", "unknown error, DS302 DS410 DS418",
@@ -65,6 +64,9 @@ BOOK.scenes(
      "01810101 4400"),
     ("response-id", "Response ID 0x05", "", "read mismatch, DS319 DS405", READ, "01050101 0801 41200000"),
 )  # fmt: skip
+"""Name, title, what it shows, what it expects, the request, and the response if there is one."""
+
+BOOK.scenes(_play, *ROWS)
 
 
 @BOOK.scene(
