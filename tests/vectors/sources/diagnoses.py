@@ -376,9 +376,9 @@ def ds712_refused_with_room(client: Client) -> None:
     rules="DS201@4#1",
 )
 def ds712_refused_and_nothing_longer(client: Client) -> None:
-    """Near miss: two parameters need more than 8 bytes, but no longer response was seen."""
+    """Near miss: the Read asked for all that two parameters need, and no longer response was seen."""
     client.write(ask(1, 21, 27))
-    client.refuse_read(client.ask_read(maximum=8), SHORT)
+    client.refuse_read(client.ask_read(maximum=16), SHORT)
 
 
 @BOOK.scene(
