@@ -117,7 +117,7 @@ local function print_all(track, frames, wanted, shown)
       if not saved then
         complain("cannot write " .. more)
       elseif more then
-        complain(output.file .. ": was there, and is written over")
+        complain(output.file .. ": was there, and is overwritten")
       end
     else
       io.stdout:write(text)

@@ -752,7 +752,7 @@ def test_durations_are_exact(ns: int | None) -> None:
 
 
 def test_what_is_no_time() -> None:
-    with pytest.raises(ValueError, match="not the time"):
+    with pytest.raises(ValueError, match="is not the time"):
         units.nanoseconds("yesterday")
 
 

@@ -354,7 +354,7 @@ def test_times(folder: Path, arguments: list[str], count: int) -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
-    [(["--from", "noon"], "not a time"), (["-t", "x"], "12, 3-7 or 1,4,9"),
+    [(["--from", "noon"], "is not a time"), (["-t", "x"], "12, 3-7 or 1,4,9"),
      (["-t", "7-3"], "backwards"), (["-t", "99"], "it has 1 to 8"), (["--rule", "DS99"], "no rule"),
      (["--device", "1.2.3.4"], "no device"), (["--key", "k"], "need --anonymise"),
      (["--all-frames", "-t", "1"], "--all-frames goes with"),

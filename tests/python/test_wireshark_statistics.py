@@ -325,7 +325,7 @@ def test_a_capture_is_not_written_over(
         target.write_text("an older report")
     said = shark("-q", *plugin, *wanted, "-r", tour)
     for target in targets.values():
-        assert f"ds47: {target}: was there, and is written over" in said.err
+        assert f"ds47: {target}: was there, and is overwritten" in said.err
         assert "older" not in target.read_text("utf-8")
         target.unlink()
     assert "ds47:" not in shark("-q", *plugin, *wanted, "-r", tour).err
