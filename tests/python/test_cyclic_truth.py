@@ -170,7 +170,7 @@ def test_a_drive_that_trips_is_not_ok(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "NOT OK" in text
     assert "DS520 error" in text
     text = printed(of_maker(FOREIGN, trips=3), tmp_path, capsys)
-    assert "slot 2 had a fault while running, the last time until 08:00:" in text
+    assert "slot 2 had a fault while running, most recently until 08:00:" in text
     assert "DS520 note fault-while-running" in text
     assert "(3 times)" in text
     assert "Only a note, because the drive is not from Siemens" in text

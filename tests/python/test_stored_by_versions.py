@@ -242,7 +242,7 @@ def test_what_is_put_together_of_other_frames_comes_of_the_version(
     told = (
         "which requests are seen"
         if "asked" in remade.capture.name
-        else "which frames make a transaction"
+        else "which frames belong to a transaction"
     )
     assert told in out
     assert run(capsys, "accept", "--by-version", "--yes", remade.folder)[0] == 0
