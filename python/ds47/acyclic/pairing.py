@@ -388,13 +388,10 @@ class Pairing:
         self._unanswered[job.order] = job
         if message.operation == "change":
             self._outcomes.append(("asked", job, None))
-        for oldest, count, limit in (
-            (channel.asked[0], len(channel.asked), "pending_writes"),
-            (next(iter(self._unanswered.values())), len(self._unanswered), "unanswered_writes"),
-        ):
-            if count > getattr(self._limits, limit):
-                self._no_longer_asked(self.channels[oldest.key], oldest)
-                self._push_out(oldest, limit)
+        if len(channel.asked) > self._limits.pending_writes:
+            self._forget_asked(channel.asked[0], "pending_writes")
+        if len(self._unanswered) > self._limits.unanswered_writes:
+            self._forget_asked(next(iter(self._unanswered.values())), "unanswered_writes")
         return job
 
     def write_response(self, job: Job, response: Half | None, *, fault: bool = False) -> None:
@@ -1165,6 +1162,11 @@ class Pairing:
             job.read_request = job.fetching[0]
         job.phase = self._table[job.phase][event]
         self._outcomes.append(("closed", job, None))
+
+    def _forget_asked(self, job: Job, limit: str) -> None:
+        """A limit ends a Write without a response."""
+        self._no_longer_asked(self.channels[job.key], job)
+        self._push_out(job, limit)
 
     def _no_longer_asked(self, channel: Channel, job: Job) -> None:
         channel.asked.remove(job)
