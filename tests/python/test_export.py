@@ -835,6 +835,18 @@ def test_each_root_cause_has_an_example_that_shows_it(name, tmp_path, capsys):
         assert len(sentence) > 20
 
 
+def test_the_gaps_of_an_excerpt_are_intended(tmp_path, capsys):
+    source, copy = CAPTURES / "real-stacks" / "o1_profinetpy062_be.pcapng", tmp_path / "copy.pcapng"
+    assert main(["export", "-s", "failed", "-o", str(copy), str(source)]) == 0
+    (told,) = (each for each in analyze(copy).findings if each.rule == "DS725")
+    assert told.args["what"] == "excerpt"
+    # a recording behind it is not intended to have gaps
+    (tmp_path / "both.pcapng").write_bytes(copy.read_bytes() + TOUR.read_bytes())
+    told = [each for each in analyze(tmp_path / "both.pcapng").findings if each.rule == "DS725"]
+    assert told
+    assert not any(each.args["what"] == "excerpt" for each in told)
+
+
 def test_examples_of_a_rule_and_none_of_a_healthy_capture(tmp_path, capsys):
     words = ["export", "--examples", "-o", str(tmp_path), str(TOUR)]
     assert main([*words, "--rule", "DS719"]) == 0

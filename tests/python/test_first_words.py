@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
+import struct
 import subprocess
 import sys
 from datetime import UTC, datetime
@@ -394,3 +396,35 @@ def test_a_file_that_no_format_is_for_is_refused(
     assert main(["report", str(captures / "tour-machine.pcapng"), "-o", str(there)]) == 2
     assert "print the page to one" in capsys.readouterr().err
     assert not there.exists()
+
+
+def test_an_empty_capture_is_one_for_every_command(capsys: Captured, tmp_path: Path) -> None:
+    path = tmp_path / "plain.pcap"
+    header = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
+    path.write_bytes(header + struct.pack("<IIII", 1, 0, 60, 60) + bytes(60))
+    told = [
+        run(capsys, "trail", path)[2],
+        run(capsys, "export", "-o", tmp_path / "copy.pcapng", path)[2],
+        subprocess.run(
+            [sys.executable, "-m", "ds47", "watch", "-"],
+            input=path.read_bytes(),
+            capture_output=True,
+        ).stderr.decode(),
+    ]
+    for err in told:
+        assert "EMPTY: 1 frame, none of PROFINET" in err
+        assert "mirror port?" in err
+    page = tmp_path / "page.html"
+    run(capsys, "report", "-f", "html", "-o", page, path)
+    text = page.read_text("utf-8")
+    assert "Nothing can be said: the capture has no frame of PROFINET" in text
+    assert "Nothing went wrong" not in text
+
+
+def test_times_of_each_drive_object(capsys: Captured, captures: Path) -> None:
+    path = captures / "real-stacks" / "o3_two_controllers.pcapng"
+    _, out, _ = run(capsys, "report", "--all", path)
+    times = re.search(r"^ +DO 2: p50 ([\d.]+ ms), max ([\d.]+ ms); DO 3: p50", out, re.MULTILINE)
+    assert times
+    _, out, _ = run(capsys, "report", "--do", "2", path)
+    assert re.search(f"latency p50 {re.escape(times[1])}, .* max {re.escape(times[2])}", out)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from ds47.findings.grouping import headlines
 from ds47.model import CaptureResult, Device, Diagnosis, Finding
 from ds47.report import ReportOptions
-from ds47.report.bilingual import Both, say, say_in
+from ds47.report.bilingual import say, say_in
 from ds47.report.clock import Clock, seen_at
 from ds47.report.digest import times_of, who
 from ds47.report.file_frames import FileFrames
@@ -86,37 +86,44 @@ class Opening:
         drives = who(result, counts)
         ours = {each.device.ip for each in drives}
         others = [each for each in result.devices if each.ip not in ours]
-        times = _times(result) if len(drives) > 1 else {}
-        texts = [
-            (f"  {each.transactions.text(self._lang)}{self._time(times.get(each.device.ip))}", each.telegram)
-            for each in drives
-        ]  # fmt: skip
+        times, objects = _times(result)
+        texts = []
+        for each in drives:
+            time = times.get(each.device.ip) if len(drives) > 1 else None
+            about = [] if each.telegram is None else [each.telegram.text(self._lang)]
+            about += self._of_objects(objects.get(each.device.ip, {}))
+            texts.append((f"  {each.transactions.text(self._lang)}{self._time(time)}", about))
         devices = [each.device for each in drives]
         yield from self._devices("drives_head", "more_drives", devices, texts)
         yield from self._devices(
-            "other_devices_head", "more_devices", others, [("", None)] * len(others)
+            "other_devices_head", "more_devices", others, [("", [])] * len(others)
         )
 
     def _time(self, latency: Latency | None) -> str:
         return f"  {latency.brief(self._lang)}" if latency else ""
+
+    def _of_objects(self, times: dict[int, Latency]) -> list[str]:
+        """`DO 1: p50 1.6 ms, max 252.2 ms; DO 2: ...`; nothing of a single drive object."""
+        texts = [f"DO {number}: {times[number].brief(self._lang)}" for number in sorted(times)]
+        return [("; " if self._lang == "en" else "；").join(texts)] if len(texts) > 1 else []
 
     def _devices(
         self,
         title: str,
         more: str,
         items: Sequence[Device],
-        texts: Sequence[tuple[str, Both | None]],
+        texts: Sequence[tuple[str, Sequence[str]]],
     ) -> Iterator[str]:
         if not items:
             return
         yield from self._title(title)
         shown = items[:DRIVES]
         width = max(len(escape(each.ip)) for each in shown)
-        for each, (text, telegram) in zip(shown, texts, strict=False):
+        for each, (text, more_of_it) in zip(shown, texts, strict=False):
             line = f"  {escape(each.ip):<{width}}{about(each, self._lang)}{text}".rstrip()
             yield from fitted(line, self._options.columns)
-            if telegram is not None:
-                yield from fitted("      " + telegram.text(self._lang), self._options.columns)
+            for further in more_of_it:
+                yield from fitted("      " + further, self._options.columns)
         if len(items) > DRIVES:
             yield "  " + self._say(more, n=len(items) - DRIVES)
 
@@ -311,11 +318,17 @@ def whose(item: Device, lang: str) -> str:
     return "".join(f"  {part}" for part in parts)
 
 
-def _times(result: CaptureResult) -> dict[str, Latency]:
-    """How long the transactions of each drive took, by its address."""
-    found: dict[str, Latency] = {}
+def _times(result: CaptureResult) -> tuple[dict[str, Latency], dict[str, dict[int, Latency]]]:
+    """How long the transactions of each drive took, by its address, and of each of its drive objects."""
+    drives: dict[str, Latency] = {}
+    objects: dict[str, dict[int, Latency]] = {}
     device = result.named()
     for each in result.transactions:
-        if each.duration_ns is not None and each.duration_ns >= 0:
-            found.setdefault(device(each.device).ip, Latency()).add(each.duration_ns)
-    return found
+        if each.duration_ns is None or each.duration_ns < 0:
+            continue
+        ip = device(each.device).ip
+        drives.setdefault(ip, Latency()).add(each.duration_ns)
+        if each.drive_object is not None:
+            of_drive = objects.setdefault(ip, {})
+            of_drive.setdefault(each.drive_object, Latency()).add(each.duration_ns)
+    return drives, objects
