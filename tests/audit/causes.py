@@ -247,12 +247,13 @@ def _two_users(case: Case) -> Iterator[str]:
         yield f"other_ar {args.get('other_ar')!r} is {(here or held)[0].ar}"
     if not here:
         yield "they are at two places"
-    until = [min([each.closed, *reading.ends(each)]) for each in here or held]
+    until = {each.id: min([each.closed, *reading.ends(each)]) for each in here or held}
     refused = all(each.write_status for each in here or held)
-    if max(until) < came[0].asked or args["first"] > came[0].asked or refused:
+    if max(until.values()) < came[0].asked or args["first"] > came[0].asked or refused:
         yield f"the request of frame {args['first']} was not open in frame {came[0].asked}"
-    for each in here:
-        yield from absent(case, each, case.frame)
+    for each in here:  # a Write may carry several requests: of one that was over nothing is missing
+        if until[each.id] >= came[0].asked:
+            yield from absent(case, each, case.frame)
 
 
 def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:

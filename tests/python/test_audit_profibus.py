@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from test_audit import lines_of_profibus, mutated
+from test_lua_analysis import Source, compare
 from tests.audit import cuts, dp, lines, pkw, reading, run, stations, wire
 from tests.audit import seeds as many
 from tests.audit.reading import Reading
@@ -121,3 +122,15 @@ def test_data_exchange_without_data_ends_a_pause(tmp_path: Path) -> None:
     for wrong in ((first, last - 1), (last, last + 1), (last + 20, last + 30)):
         told.args["first"], told.args["last"] = wrong
         assert list(pkw.of_incomplete(told, item))
+
+
+def test_a_request_before_an_open_one_displaces_it_not(tmp_path: Path) -> None:
+    plan = next(each for each in many.kept(many.WITH_HOLES) if each.seed == 1340934)
+    many.play(plan).tape.write(tmp_path / "line.pcap")
+    frames = wire.read(tmp_path / "line.pcap").frames
+    path = tmp_path / "cut.pcap"
+    cuts.write(path, cuts.swapped(3)(frames))
+    item = reading.read(path, text=False, page=False)
+    told = [each for each in item.findings if (each.rule, each.frame) == ("DS110", 462)]
+    assert [each.args["what"] for each in told] == ["line"]
+    compare("5.4", "en", [Source("line", path.read_bytes(), False)], tmp_path)

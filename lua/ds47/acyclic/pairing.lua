@@ -1048,10 +1048,12 @@ function Pairing:read_response(peer, record)
     and of_another(self, channel, job, record) or nil
   if missing then
     set_aside(self, channel, job, missing)
-    job = nil
-    if channel.open then -- whichever job the record is for, it ends the open one
-      set_aside(self, channel, channel.open, {what = "later"})
+    local other = channel.open
+    if other then -- whichever job the record is for, it ends the open one
+      local why = job.order < other.order and (of_another(self, channel, other, record) or missing)
+      set_aside(self, channel, other, why or {what = "later"})
     end
+    job = nil
   end
   if job then
     read(self, channel, job, event, record)

@@ -115,7 +115,7 @@ local function fault_stays(self, last, now)
   local stood, fault = self.acknowledged, bit(now.zsw1, FAULT) == 1
   local edge = last and bit(now.stw1, ACKNOWLEDGE) == 1 and bit(last.stw1, ACKNOWLEDGE) == 0
     and bit(now.stw1, CONTROL) == 1
-  if edge and fault then
+  if edge and fault and now.since.frame == now.frame then
     over(self, stood)
     stood.begun = now
   end

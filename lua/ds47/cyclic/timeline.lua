@@ -68,7 +68,7 @@ function M.new(operation, trusted, speed, fault, most, own)
     is_skipped = false, -- whether frames are missing before the next one of the drive
     trips = trips.new(operation.limits.trip_ns),
     setpoint = nil, actual = nil, -- raw, the setpoint as it is effective
-    newest_out = nil, newest_in = nil, -- the newest words of each side: {frame, time}
+    said_out = nil, said_in = nil, -- since when each side says what it says: {frame, time}
   }, Recorder)
 end
 
@@ -80,8 +80,7 @@ end
 
 -- `out`: by the controller. Both say so since the frame that is the later one by the clock.
 local function tell(self, out, frame, time)
-  local since, other = {frame = frame, time = time}, self[out and "newest_in" or "newest_out"]
-  self[out and "newest_out" or "newest_in"] = since
+  local since, other = {frame = frame, time = time}, self[out and "said_in" or "said_out"]
   local back = other and other.time - time or 0
   if back > 0 and back < self.operation.limits.disorder_ns then since = other end
   if self.stw1 == nil or self.zsw1 == nil or self.lost_out or self.lost_in then return end
@@ -201,6 +200,7 @@ end
 --- The words of the controller from a frame on.
 function Recorder:sent(words, frame, time)
   local stw1, raw = u16(words, 0), u16(words, 2)
+  if stw1 ~= self.stw1 or self.lost_out then self.said_out = {frame = frame, time = time} end
   if stw1 ~= self.stw1 or self.lost_out or self.lost_in then control(self, stw1, frame, time) end
   if learnt(self, raw) then
     local value = pzd.signed(raw)
@@ -218,6 +218,7 @@ function Recorder:answered(words, frame, time)
       self.faults[#self.faults + 1] = {frame = frame, code = code}
     end
   end
+  if zsw1 ~= self.zsw1 or self.lost_in then self.said_in = {frame = frame, time = time} end
   if zsw1 ~= self.zsw1 or self.lost_out or self.lost_in then status(self, zsw1, frame, time) end
   self.is_skipped = false
   if learnt(self, raw) then self.actual = pzd.signed(raw) end

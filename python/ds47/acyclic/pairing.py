@@ -479,8 +479,10 @@ class Pairing:
             self._read(channel, job, event, record)
             return job
         self._set_aside(channel, job, missing)
-        if channel.open is not None:  # whichever job the record is for, it ends the open one
-            self._set_aside(channel, channel.open, Missing("later"))
+        if (other := channel.open) is not None:  # whichever job the record is for, it ends the open one
+            is_later = job.order > other.order
+            lacks = None if is_later else self._of_another(channel, other, record) or missing
+            self._set_aside(channel, other, lacks or Missing("later"))
         return self._of_nobody(record, channel, event, missing, late=False)
 
     def _of_nobody(

@@ -200,7 +200,7 @@ class Operation:
         """From the edge of the acknowledgement on, as long as the fault is there."""
         edge = last is not None and now.stw1 & ~last.stw1 & _ACKNOWLEDGE and now.stw1 & _CONTROL
         standing = self._acknowledged
-        if edge and now.zsw1 & _FAULT:
+        if edge and now.zsw1 & _FAULT and now.since[1] == now.frame:
             self._over(standing, standing.ended())
             standing.begun = now
         holds = standing.begun is not None and bool(now.zsw1 & _FAULT)

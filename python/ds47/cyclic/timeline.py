@@ -131,8 +131,8 @@ class Recorder:
     """Whether frames are missing before the next one of the drive."""
     _setpoint: int | None = None
     _actual: int | None = None
-    _newest: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0), (0, 0)])
-    """Time and frame of the newest words of the drive, and of the controller."""
+    _said: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0), (0, 0)])
+    """Time and frame since which the drive, and the controller, says what it says."""
 
     def __post_init__(self) -> None:
         self.trips = Trips(self.operation.bounds.trip_ns)
@@ -145,6 +145,8 @@ class Recorder:
     def sent(self, data: bytes, frame: int, time_ns: int) -> None:
         """The words of the controller from a frame on."""
         stw1, self.end_ns = int.from_bytes(data[:2]), time_ns
+        if stw1 != self._stw1 or True in self._lost:
+            self._said[True] = time_ns, frame
         if stw1 != self._stw1 or self._lost:
             self._control(stw1, frame, time_ns)
         raw = int.from_bytes(data[2:4], signed=True)
@@ -159,6 +161,8 @@ class Recorder:
         if self.codes is not None:
             at = self.codes[1]
             self._fault(int.from_bytes(data[at : at + 2]), frame)
+        if zsw1 != self._zsw1 or False in self._lost:
+            self._said[False] = time_ns, frame
         if zsw1 != self._zsw1 or self._lost:
             self._status(zsw1, frame, time_ns)
         self._skipped = False
@@ -169,8 +173,7 @@ class Recorder:
         self._tell(frame, False)
 
     def _tell(self, frame: int, by_controller: bool) -> None:
-        since, other = (self.end_ns, frame), self._newest[not by_controller]
-        self._newest[by_controller] = since
+        since, other = (self.end_ns, frame), self._said[not by_controller]
         if 0 < other[0] - since[0] < self.operation.bounds.disorder_ns:
             since = other
         stw1, zsw1 = self._stw1, self._zsw1
