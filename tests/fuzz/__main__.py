@@ -2,7 +2,7 @@
 
 python -m tests.fuzz --minutes 60                every target, one after the other
 python -m tests.fuzz --minutes 480 codec         one of them
-python -m tests.fuzz --minutes 5 --seed 1 lua    Lua against Python on changed captures (needs lua5.4); never among all
+python -m tests.fuzz --minutes 5 --seed 1 lua    Lua against Python on changed captures; only where it is named
 
 Needs atheris (`make fuzz` installs it into build/fuzz). A run goes on where the one before it ended: what it found
 of interest is in build/fuzz/TARGET. An input that breaks a target is in build/fuzz/faults; what it does shows

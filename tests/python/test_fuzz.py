@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import random
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -110,3 +111,13 @@ def test_what_lua_says_otherwise_is_kept(tmp_path: Path, monkeypatch: pytest.Mon
     assert made >= differential.TOGETHER
     assert [path.stem for path in different] == ["lua-" + bad[0].replace(" ", "-")]
     assert different[0].read_bytes()
+
+
+def test_the_page_names_each_target_and_commands_that_are_there(repository: Path) -> None:
+    page = (repository / "docs/reliability.md").read_text("utf-8")
+    makefile = (repository / "Makefile").read_text("utf-8")
+    named = set(re.findall(r"^    make ([a-z-]+)", page, re.MULTILINE))
+    assert named == {"fuzz", "bench-hurtful"}
+    assert all(re.search(rf"^{name}: ", makefile, re.MULTILINE) for name in named)
+    table = page.partition("## Fuzzing")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `([a-z]+)` \|", table, re.MULTILINE)) == {*targets.TARGETS, "lua"}
