@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from unittest.mock import patch
 
 from ds47 import report
 from ds47.analysis import AnalysisOptions, analyze
@@ -180,7 +181,6 @@ def place(process: int) -> Path:
     _FOLDERS.append(folder)
     found = Path(folder.name)
     (found / "a.pcapng").write_bytes((CAPTURES / "conversation-error.pcapng").read_bytes())
-    os.environ["DS47_PARAMS"] = str(found / "lists")
     return found
 
 
@@ -193,12 +193,17 @@ def loaders(data: bytes) -> None:
     name, words = FILES[(data[0] if data else 0) % len(FILES)]
     path = place(os.getpid()) / name
     path.write_bytes(data[1:])
-    settings._nearest.cache_clear()
-    config._for_folder.cache_clear()
     names = {"file": path, "folder": path.parent, "capture": path.parent / "a.pcapng"}
     said = io.StringIO()
+    lists = {"DS47_PARAMS": str(path.parent / "lists")}
+    settings._nearest.cache_clear()
+    config._for_folder.cache_clear()
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
+        with (
+            patch.dict(os.environ, lists),
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(said),
+        ):
             status = main([word.format(**names) for word in words])
     finally:
         path.unlink()
