@@ -12,7 +12,7 @@
 #   make audit      let the auditor read N random conversations, planned from SEED on, and all captures
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
 #   make bench-hurtful  time and memory of conversations that want much of both    (BENCH="--frames 20000 100000")
-#   make fuzz       look for inputs on which ds47 breaks, MINUTES=1 in all, TARGETS="codec calls" of all (Linux, x86-64)
+#   make fuzz       look for inputs on which ds47 breaks, MINUTES=1 in all, TARGETS="codec calls" of all, or TARGETS=lua
 #   make dist       write the plugin as one Lua file, dist/ds47-2_0_0_dev0.lua (the version, with underscores)
 #   make pyz        write the command as one file for any Python, dist/ds47.pyz
 #   make page       write the analyzer as one page for a browser without network, dist/ds47.html (needs npm)

@@ -2,6 +2,7 @@
 
 python -m tests.fuzz --minutes 60                every target, one after the other
 python -m tests.fuzz --minutes 480 codec         one of them
+python -m tests.fuzz --minutes 5 --seed 1 lua    Lua against Python on changed captures; only where it is named
 
 Needs atheris (`make fuzz` installs it into build/fuzz). A run goes on where the one before it ended: what it found
 of interest is in build/fuzz/TARGET. An input that breaks a target is in build/fuzz/faults; what it does shows
@@ -25,6 +26,8 @@ KEPT = Path(__file__).resolve().parent / "kept"
 WORK = ROOT / "build" / "fuzz"
 LONGEST = 20
 """Seconds for one input."""
+LUA = "lua"
+"""The target that no coverage guides: Lua against Python."""
 MEMORY = 2_048
 """MiB of a process."""
 
@@ -71,11 +74,25 @@ def in_a_child(atheris: Any, targets: Any, name: str, seconds: int) -> bool:
     return sound
 
 
+def compared(seconds: float, first: int) -> bool:
+    """Whether Lua says the same as Python of the captures of these seeds."""
+    from tests.fuzz import differential
+
+    (WORK / "faults").mkdir(exist_ok=True)
+    made, different = differential.run(seconds, first, WORK / "faults")
+    ended = "sound" if not different else f"DIFFERENT: {', '.join(map(str, different))}"
+    print(f"{LUA:10} {made:>12,} inputs {seconds:7.0f} s  {ended}", flush=True)
+    return not different
+
+
 def main() -> int:
     """Runs it; 1 where a target breaks."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz")
     parser.add_argument("targets", nargs="*", help="all of them without")
     parser.add_argument("--minutes", type=float, default=1, help="in all, but for 10 s of start")
+    parser.add_argument(
+        "--seed", type=int, default=time.time_ns() // 10**6, help="the first one of lua"
+    )
     given = parser.parse_args()
     WORK.mkdir(parents=True, exist_ok=True)
     sys.path.append(str(WORK / "lib"))
@@ -92,11 +109,17 @@ def main() -> int:
                         targets.TARGETS[name](seed)
         finally:
             sys.stderr = before
+    known = [*targets.TARGETS, LUA]
     names = given.targets or list(targets.TARGETS)
-    if unknown := set(names) - set(targets.TARGETS):
-        parser.error(f"{', '.join(sorted(unknown))}: none of {', '.join(targets.TARGETS)}")
+    if unknown := set(names) - set(known):
+        parser.error(f"{', '.join(sorted(unknown))}: none of {', '.join(known)}")
     seconds = max(1, round(given.minutes * 60 / len(names)))
-    found = [in_a_child(atheris, targets, name, seconds) for name in names]
+    found = [
+        compared(seconds, given.seed)
+        if name == LUA
+        else in_a_child(atheris, targets, name, seconds)
+        for name in names
+    ]
     return 0 if all(found) else 1
 
 

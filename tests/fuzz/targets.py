@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from unittest.mock import patch
 
 from ds47 import report
 from ds47.analysis import AnalysisOptions, analyze
@@ -180,7 +181,6 @@ def place(process: int) -> Path:
     _FOLDERS.append(folder)
     found = Path(folder.name)
     (found / "a.pcapng").write_bytes((CAPTURES / "conversation-error.pcapng").read_bytes())
-    os.environ["DS47_PARAMS"] = str(found / "lists")
     return found
 
 
@@ -193,12 +193,17 @@ def loaders(data: bytes) -> None:
     name, words = FILES[(data[0] if data else 0) % len(FILES)]
     path = place(os.getpid()) / name
     path.write_bytes(data[1:])
-    settings._nearest.cache_clear()
-    config._for_folder.cache_clear()
     names = {"file": path, "folder": path.parent, "capture": path.parent / "a.pcapng"}
     said = io.StringIO()
+    lists = {"DS47_PARAMS": str(path.parent / "lists")}
+    settings._nearest.cache_clear()
+    config._for_folder.cache_clear()
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
+        with (
+            patch.dict(os.environ, lists),
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(said),
+        ):
             status = main([word.format(**names) for word in words])
     finally:
         path.unlink()
@@ -210,8 +215,9 @@ def loaders(data: bytes) -> None:
 # Where fuzzing begins
 
 
-def _frames(source: Path | io.BytesIO) -> list[Frame]:
-    with open_capture(source) as found:
+def frames(source: Path | bytes) -> list[Frame]:
+    """The frames of a capture."""
+    with open_capture(io.BytesIO(source) if isinstance(source, bytes) else source) as found:
         return [
             Frame(each.number, each.time_ns, each.link_type, each.data, each.original_length)
             for each in found.everything()
@@ -227,7 +233,7 @@ def _small(*folders: str) -> Iterator[Path]:
 
 def _of_calls() -> Iterator[bytes]:
     for path in _small("."):
-        for packet in Packets().of(_frames(path)):
+        for packet in Packets().of(frames(path)):
             if packet.kind == "udp":
                 yield packet.payload
 
@@ -240,10 +246,10 @@ def _of_codec() -> Iterator[bytes]:
 
 
 def _of_telegrams() -> Iterator[bytes]:
-    for frame in _frames(CAPTURES / "profibus/pyprofibus_ppo1.pcapng")[:200]:
+    for frame in frames(CAPTURES / "profibus/pyprofibus_ppo1.pcapng")[:200]:
         yield frame.data
     for path in _small("s7-stacks", "field"):
-        for frame in _frames(path)[:60]:
+        for frame in frames(path)[:60]:
             if frame.data[23:24] == b"\x06" and len(frame.data) > 61:
                 yield frame.data[61:]
 
@@ -284,32 +290,32 @@ def other_frames(data: bytes, most: int, seed: int, change: Change) -> bytes:
     """The capture with some frames changed, doubled, gone, moved, late; or its bytes changed."""
     chance = random.Random(seed)
     try:
-        frames = _frames(io.BytesIO(data))
+        shots = frames(data)
     except CaptureError:
-        frames = []
-    if not frames or chance.random() < 0.1:
+        shots = []
+    if not shots or chance.random() < 0.1:
         return change(data, most)
     for _ in range(chance.choice((1, 1, 2, 4))):
-        at = chance.randrange(len(frames))
-        kind, frame = chance.randrange(8), frames[at]
+        at = chance.randrange(len(shots))
+        kind, frame = chance.randrange(8), shots[at]
         if kind == 0:
-            frames.insert(chance.randrange(len(frames) + 1), frame)
-        elif kind == 1 and len(frames) > 1:
-            del frames[at]
+            shots.insert(chance.randrange(len(shots) + 1), frame)
+        elif kind == 1 and len(shots) > 1:
+            del shots[at]
         elif kind == 2:
-            frames.insert(chance.randrange(len(frames)), frames.pop(at))
+            shots.insert(chance.randrange(len(shots)), shots.pop(at))
         elif kind == 3:
             step = chance.choice((10**3, 10**6, 2 * 10**9, 61 * 10**9)) * chance.choice((-1, 1))
-            frames[at] = replace(frame, time_ns=max(0, frame.time_ns + step))
+            shots[at] = replace(frame, time_ns=max(0, frame.time_ns + step))
         else:
             keep = min(chance.choice(BEGINNINGS), len(frame.data))
             body = change(frame.data[keep:], len(frame.data) - keep + 16)
-            frames[at] = replace(
+            shots[at] = replace(
                 frame, data=frame.data[:keep] + body, original_length=max(frame.original_length, keep + len(body))
             )  # fmt: skip
     made = io.BytesIO()
-    with PcapngWriter(made, frames[0].link_type) as writer:
-        for frame in frames:
+    with PcapngWriter(made, shots[0].link_type) as writer:
+        for frame in shots:
             if len(made.getbuffer()) + len(frame.data) + 64 > most:
                 break
             writer.write(frame.time_ns, frame.data, frame.original_length)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import random
+import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
-from tests.fuzz import targets
+from tests.fuzz import differential, targets
 
 from ds47.capture import open_capture
 
@@ -85,3 +87,37 @@ def test_a_changed_capture_is_one_again() -> None:
             pass
     assert (readable > 45, differs > 50) == (True, True)
     assert targets.other_frames(b"none", 100, 1, change) == b"enon"
+
+
+def test_a_changed_capture_is_made_again_by_its_seed() -> None:
+    first, second = (
+        dict(each for each, _ in zip(differential.captures(start), range(6), strict=False))
+        for start in (1, 3)
+    )
+    both = first.keys() & second.keys()
+    assert len(both) >= 3
+    assert all(first[name] == second[name] for name in both)
+
+
+def test_what_lua_says_otherwise_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bad: list[str] = []
+
+    def alike(both: object, sources: list[Any], folder: Path) -> bool:
+        bad[:] = bad or [sources[7].name]
+        return not any(each.name == bad[0] for each in sources)
+
+    monkeypatch.setattr(differential, "_alike", alike)
+    made, different = differential.run(0.01, 1, tmp_path)
+    assert made >= differential.TOGETHER
+    assert [path.stem for path in different] == ["lua-" + bad[0].replace(" ", "-")]
+    assert different[0].read_bytes()
+
+
+def test_the_page_names_each_target_and_commands_that_are_there(repository: Path) -> None:
+    page = (repository / "docs/reliability.md").read_text("utf-8")
+    makefile = (repository / "Makefile").read_text("utf-8")
+    named = set(re.findall(r"^    make ([a-z-]+)", page, re.MULTILINE))
+    assert named == {"fuzz", "bench-hurtful"}
+    assert all(re.search(rf"^{name}: ", makefile, re.MULTILINE) for name in named)
+    table = page.partition("## Fuzzing")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `([a-z]+)` \|", table, re.MULTILINE)) == {*targets.TARGETS, "lua"}

@@ -180,6 +180,7 @@ WITHOUT_COMMAND = {
     "platforms.md": "what was tried elsewhere",
     "protocol.md": "a specification",
     "python.md": "its examples run in test_library.py",
+    "reliability.md": "commands of make, which take as long as one likes",
     "stability.md": "promises",
     "start/install.md": "how the command comes there",
 }

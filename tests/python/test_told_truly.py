@@ -6,7 +6,7 @@ Each conversation is played by the lab's client; what may be said of it is typed
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from uuid import UUID
@@ -25,6 +25,7 @@ from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Diagnosis, Finding, Report
 from ds47.report import ReportOptions, text
+from ds47.report.html.views.problems import problems
 from ds47.report.sentences import advice_parts, sentence
 from ds47.report.todo import answering
 from ds47.report.verdict import blind
@@ -910,3 +911,26 @@ def test_a_refusal_without_a_number_says_so(captures: Path) -> None:
         "Parameter r0021[0] got a negative response: no error number (info -)",
         "参数 r0021[0] 得到否定应答：没有错误号（附加信息 -）",
     ]
+
+
+class Counted(list[Finding]):
+    """Findings that know how often somebody went through all of them."""
+
+    walks = 0
+
+    def __iter__(self) -> Iterator[Finding]:
+        self.walks += 1
+        return super().__iter__()
+
+
+def test_a_page_goes_through_the_findings_as_often_however_many_causes_there_are(
+    captures: Path,
+) -> None:
+    result = analyze(captures / "diagnosis-index-and-count.pcapng")
+    walks = []
+    for many in (1, 50):
+        result.findings = Counted(result.findings)
+        result.diagnoses = result.diagnoses[:1] * many
+        assert len(problems(result)) >= many
+        walks.append(result.findings.walks)
+    assert walks[0] == walks[1] > 0

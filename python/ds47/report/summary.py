@@ -19,7 +19,7 @@ from ds47.report.filters import display_filter, plugin_filter
 from ds47.report.formatting import escape
 from ds47.report.latency import Latency
 from ds47.report.sentences import advice, advice_parts, sentence
-from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
+from ds47.report.todo import More, answering, by_state, causes, is_lowered, of_state, uncovered
 from ds47.report.verdict import VerdictCounts, blind, inventory, verdict
 from ds47.report.wrap import columns, cut, fitted, wrap
 from ds47.spec import called
@@ -173,7 +173,7 @@ class Opening:
 
     def _state(self, result: CaptureResult, item: Diagnosis) -> Iterator[str]:
         """What the status word of the drive says of it."""
-        found = by_state(result, item.transactions)
+        found = by_state(of_state(result), item.transactions)
         if found is not None:
             said = escape(sentence(found, self._lang))
             for line in wrap(

@@ -87,10 +87,23 @@ def _same_code(diagnosis: Finding, finding: Finding) -> bool:
     )
 
 
-def by_state(result: CaptureResult, transactions: Collection[int]) -> Finding | None:
-    """What the status word says about the first of these transactions that it explains."""
-    said = (each for each in result.findings if each.rule in _OF_STATE)
-    return next((each for each in said if each.transaction in transactions), None)
+OfState = dict[int, tuple[int, Finding]]
+"""Transaction -> a finding about it, with its place among all."""
+
+
+def of_state(result: CaptureResult) -> OfState:
+    """What the status word says about each transaction that it explains."""
+    found: OfState = {}
+    for place, each in enumerate(result.findings):
+        if each.rule in _OF_STATE and each.transaction is not None:
+            found.setdefault(each.transaction, (place, each))
+    return found
+
+
+def by_state(said: OfState, transactions: Collection[int]) -> Finding | None:
+    """What it says about the first of these transactions; `said` by `of_state`."""
+    found = [said[each] for each in transactions if each in said] if said else []
+    return min(found)[1] if found else None
 
 
 def answering(result: CaptureResult, item: Diagnosis) -> str:

@@ -6,7 +6,7 @@ The serious come first; findings are put together by what the drive or the devic
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,7 @@ from ds47.report.html.texts import Both, joined, say
 from ds47.report.html.views.links import FrameLink, Links
 from ds47.report.html.views.times import FrameClock
 from ds47.report.targets import Targets
-from ds47.report.todo import answering, by_state, is_lowered, uncovered
+from ds47.report.todo import OfState, answering, by_state, is_lowered, of_state, uncovered
 
 if TYPE_CHECKING:
     from ds47.diagnosis.suggest import Corrected
@@ -136,20 +136,20 @@ def problems(
     links: Links | None = None,
 ) -> list[Problem]:
     """The problems of a capture, with their times where `moments` has these; findings that are notes are none."""
-    found, links = [], links or Links(result)
+    found, links, said = [], links or Links(result), of_state(result)
     for each in result.diagnoses:
-        problem = _diagnosed(result, each, links)
+        problem = _diagnosed(each, links, said)
         if axes := answering(result, each):
             problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
         found.append(problem)
-    found += _others(result, targets or Targets(result.evidence))
+    found += _others(result, targets or Targets(result.evidence), said)
     if moments is not None:
         for problem in found:
             problem.time = moments.moment(problem.frame)
     return sorted(found, key=_serious_first)
 
 
-def _diagnosed(result: CaptureResult, item: Diagnosis, links: Links) -> Problem:
+def _diagnosed(item: Diagnosis, links: Links, said: OfState) -> Problem:
     row = spec.rules().get(item.rule)
     named = row.named_frames(item.args) if row else []
     first = item.frames[:1]
@@ -164,14 +164,14 @@ def _diagnosed(result: CaptureResult, item: Diagnosis, links: Links) -> Problem:
         left_out=item.frames_left_out,
         job=item.transactions[0] if item.transactions else None,
         others=links.of(frame for frame in named if frame not in first),
-        state=_state(result, item.transactions),
+        state=_state(by_state(said, item.transactions)),
         request=item.corrected,
         family=item.args.get("family"),
         request_of=item.corrected_in,
     )
 
 
-def _others(result: CaptureResult, targets: Targets) -> Iterable[Problem]:
+def _others(result: CaptureResult, targets: Targets, said: OfState) -> Iterable[Problem]:
     """The findings that no diagnosis covers, by their cause."""
     by_id = {each.id: each for each in result.transactions}
     found: dict[tuple[str, object], Problem] = {}
@@ -187,12 +187,11 @@ def _others(result: CaptureResult, targets: Targets) -> Iterable[Problem]:
             jobs[key].add(owner.id)
             problem.locations[_location(owner, finding.args, targets.where(owner))] += 1
     for key, problem in found.items():
-        problem.state = _state(result, jobs[key])
+        problem.state = _state(by_state(said, jobs[key]))
     return found.values()
 
 
-def _state(result: CaptureResult, jobs: Collection[int]) -> Both | None:
-    said = by_state(result, jobs)
+def _state(said: Finding | None) -> Both | None:
     if said is None:
         return None
     return say("state_says", job=said.transaction, message=messages.message(said))
