@@ -479,7 +479,9 @@ class Pairing:
             self._read(channel, job, event, record)
             return job
         self._set_aside(channel, job, missing)
-        if (other := channel.open) is not None:  # whichever job the record is for, it ends the open one
+        if (
+            other := channel.open
+        ) is not None:  # whichever job the record is for, it ends the open one
             is_later = job.order > other.order
             lacks = None if is_later else self._of_another(channel, other, record) or missing
             self._set_aside(channel, other, lacks or Missing("later"))
