@@ -1001,13 +1001,18 @@ def _is_of_a_maker(deal: Deal, block: message.Block) -> bool:
     return own and block.code is not None and block.code <= 0xFF
 
 
+OTHERS_ON_PROFIBUS = (0x001A, 0x0080, 0x03FB)
+"""ABB, Danfoss, Delta: ident numbers of their drives are known."""
+
+
 def vendor(case: Case) -> Iterator[str]:
     """The vendor of the device that was asked; None where the capture does not name it."""
     device = case.deal.device if case.deal else None
     known = case.reading.vendors.get(device) if device else None
     if str(device).startswith("dp"):  # the ident number says it, which is not looked at here
         told = case.args.get("vendor_id")
-        known = {"sinamics": 0x2A, None: told, "profile": None if told == 0x2A else told}.get(
+        other = told if told in OTHERS_ON_PROFIBUS else None
+        known = {"sinamics": 0x2A, None: told if told == 0x2A else other, "profile": other}.get(
             case.args.get("family")
         )
     if case.args.get("vendor_id") not in (known, *((None,) if not known else ())):

@@ -32,6 +32,8 @@ FREE = {
     "DS721": {"axis", "case", "count", "unknown", "more", "last", "pnus", "targets"},
 }
 """Arguments that a cut capture may say otherwise: they count, or name the first one, or who it is known to be."""
+LATER = {"DS721"}
+"""Told at the first frame that is certain: in a cut capture that may be a later one."""
 OTHERWISE = {"DS701"}
 """Told of more transactions than of the whole: what a better cause needs is cut off."""
 
@@ -58,7 +60,8 @@ def is_said(finding: Finding, of: CaptureResult) -> bool:
     said = {name for name, value in finding.args.items() if value is not None}
     known = said - FREE.get(finding.rule, set())
     return any(
-        (each.rule, each.frame) == (finding.rule, finding.frame)
+        each.rule == finding.rule
+        and (each.frame == finding.frame or (each.rule in LATER and each.frame < finding.frame))
         and all(each.args[name] == finding.args[name] for name in known)
         for each in of.findings
     )

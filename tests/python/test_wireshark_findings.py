@@ -142,8 +142,8 @@ def test_what_a_frame_said_once_it_refers_to(tshark: Tshark) -> None:
     shown = tree(tshark, "o3_two_controllers.pcapng", "-Y", "frame.number == 390")
     assert len([line for line in shown if line.startswith("DS410 error")]) == 4
     assert shown.count(wrap(f"Cause: {row.cause}", 76, 4)[0]) == 1
-    assert shown.count("Cause: as of DS410 p1437[0], above") == 3
-    assert shown.count("What to do: as of DS410 p1938[0], above") == 2
+    assert shown.count("Cause: as for DS410 p1437[0], above") == 3
+    assert shown.count("What to do: as for DS410 p1938[0], above") == 2
 
 
 def test_a_finding_says_its_cause_and_what_to_do(tshark: Tshark) -> None:
