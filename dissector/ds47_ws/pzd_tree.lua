@@ -8,6 +8,7 @@ local bits = require("ds47.support.bits")
 local cyclic = require("ds47.spec.cyclic")
 local drives = require("ds47_ws.drives")
 local info = require("ds47_ws.info")
+local pzd = require("ds47.cyclic.pzd")
 local relations = require("ds47.cyclic.relations")
 local tables = require("ds47.spec.tables")
 local types = require("ds47_ws.types")
@@ -17,14 +18,11 @@ local concat, format = table.concat, string.format
 
 local M = {}
 
-local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint; on drives of other makers nobody knows
-
 -- Setpoint as it is effective, or actual value, in percent; nil where it is none, or not valid.
 local function percent(place, raw)
   if not raw or not place.valid or not place.speed then return nil end
   local share = raw / tables.pzd.word * 100
-  local turned = place.sent and bit_of(place.word, REVERSE) == 1
-    and not relations.is_of_others(place.relation)
+  local turned = place.sent and pzd.turns(place.word, relations.is_of_others(place.relation))
   return turned and -share or share
 end
 

@@ -486,10 +486,9 @@ class Analysis:
 
     def _diagnose(self, capture: Capture | Series) -> None:
         """What only the whole capture can show."""
-        excerpt = isinstance(capture, Capture) and capture.excerpt
         if DS47 in self._options.channels:
             for remark in self._diagnoses.finish(
-                capture.dropped, capture.gaps, capture.complete, excerpt=excerpt
+                capture.dropped, capture.gaps, capture.complete, excerpt=capture.excerpt
             ):
                 self._findings.add(remark)
         frame, count = self._findings.left_out

@@ -16,14 +16,15 @@ local M = {}
 
 --- State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1).
 M.STATUS_NOT_READY = 0xDE80B500
+--- Length error on a Read: the response is longer than the Read allows (docs/protocol.md E.1).
+M.STATUS_SHORT = 0xDE80B100
 --- State conflict on a Write: the device is still working on another request.
 M.STATUS_IN_USE = 0xDF80B500
 
 local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
 local is_cut_before_status = records.is_cut_before_status
-local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, tables.limits.reads
--- Length error on a Read: the response is longer than the Read allows (docs/protocol.md E.1).
-local STATUS_SHORT = 0xDE80B100
+local STATUS_NOT_READY, STATUS_SHORT, STATUS_IN_USE = M.STATUS_NOT_READY, M.STATUS_SHORT, M.STATUS_IN_USE
+local MOST_READS = tables.limits.reads
 local PHASES = tables.phases
 local KIND_END = 2 -- bytes of a message up to the end of its ID
 local setmetatable = setmetatable

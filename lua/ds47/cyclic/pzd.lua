@@ -30,6 +30,11 @@ function M.state(zsw1, stw1)
   return found, overlays
 end
 
+M.REVERSE = 11 -- the bit of STW1 that turns the sign of the setpoint
+
+--- Whether a control word turns the sign of the setpoint; of a drive of `others` nobody knows bit 11.
+function M.turns(stw1, others) return not others and bit_of(stw1, M.REVERSE) == 1 end
+
 --- A word as PLC tables print it with a sign.
 function M.signed(word) return word < 0x8000 and word or word - 0x10000 end
 

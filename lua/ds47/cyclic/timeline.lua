@@ -19,7 +19,6 @@ local M = {}
 local HEEDED = 10 -- bit of STW1: where it is 0, the drive ignores the whole word and keeps the one before
 local REQUESTED = 9 -- bit of ZSW1: the drive wants to be controlled by the PLC
 local RUNNING = 2 -- bit of ZSW1: operation enabled
-local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint
 local FAULT, NO_OFF2, NO_OFF3, INHIBITED = 3, 4, 5, 6 -- bits of ZSW1
 -- From here on bits 12 to 15 of STW1 are set, which most controllers leave at 0: telegram 20, motor
 -- potentiometers and some makers use them.
@@ -35,7 +34,7 @@ local COMMANDS, STATES = tables.pzd.stw1_edges, tables.pzd.zsw1_edges
 local of_speed, of_reverse = {}, {} -- ids of events that only telegrams with a speed have, and of that bit
 for _, edge in ipairs(COMMANDS) do
   if edge.speed then of_speed[edge.id] = true end
-  if edge.speed and edge.bit == REVERSE then of_reverse[edge.id] = true end
+  if edge.speed and edge.bit == pzd.REVERSE then of_reverse[edge.id] = true end
 end
 
 local Recorder = {}
@@ -80,10 +79,10 @@ end
 
 -- `out`: by the controller. Both say so since the frame that is the later one by the clock.
 local function tell(self, out, frame, time)
+  if self.stw1 == nil or self.zsw1 == nil or self.lost_out or self.lost_in then return end
   local since, other = {frame = frame, time = time}, self[out and "said_in" or "said_out"]
   local back = other and other.time - time or 0
   if back > 0 and back < self.operation.limits.disorder_ns then since = other end
-  if self.stw1 == nil or self.zsw1 == nil or self.lost_out or self.lost_in then return end
   self.operation:look({
     frame = frame, time = time, stw1 = self.stw1, heeded = self.heeded or self.stw1, zsw1 = self.zsw1,
     setpoint = self.setpoint, actual = self.actual, since = since,
@@ -204,7 +203,7 @@ function Recorder:sent(words, frame, time)
   if stw1 ~= self.stw1 or self.lost_out or self.lost_in then control(self, stw1, frame, time) end
   if learnt(self, raw) then
     local value = pzd.signed(raw)
-    self.setpoint = not self.own and bit(stw1, REVERSE) == 1 and -value or value
+    self.setpoint = pzd.turns(stw1, self.own) and -value or value
   end
   tell(self, true, frame, time)
 end

@@ -6,6 +6,7 @@
 
 local arrays = require("ds47.support.arrays")
 local later = require("ds47.support.later").module
+local STATUS_SHORT = require("ds47.acyclic.pairing").STATUS_SHORT
 local parameter = require("ds47.profidrive.parameter")
 local rules = require("ds47.acyclic.judge")
 local suggest = later("ds47.diagnosis.suggest") -- only here: most captures need no correction
@@ -20,7 +21,6 @@ local M = {}
 local VALUE = tables.layouts.ADDRESS_VALUE
 local HEADER, ADDRESS = tables.layouts.MESSAGE_SIZE, tables.layouts.ADDRESS_SIZE
 local COUNT_AT = 4 -- place of the number of parameters, from 1
-local STATUS_SHORT = 0xDE80B100
 local BLOCK_HEADER = 2 -- format and number of values
 local BLOCK = 4 -- the shortest value block: format, number of values, one value with its pad
 

@@ -389,9 +389,9 @@ class Pairing:
         if message.operation == "change":
             self._outcomes.append(("asked", job, None))
         if len(channel.asked) > self._limits.pending_writes:
-            self._forget_asked(channel.asked[0], "pending_writes")
+            self._push_out_asked(channel.asked[0], "pending_writes")
         if len(self._unanswered) > self._limits.unanswered_writes:
-            self._forget_asked(next(iter(self._unanswered.values())), "unanswered_writes")
+            self._push_out_asked(next(iter(self._unanswered.values())), "unanswered_writes")
         return job
 
     def write_response(self, job: Job, response: Half | None, *, fault: bool = False) -> None:
@@ -479,9 +479,8 @@ class Pairing:
             self._read(channel, job, event, record)
             return job
         self._set_aside(channel, job, missing)
-        if (
-            other := channel.open
-        ) is not None:  # whichever job the record is for, it ends the open one
+        other = channel.open
+        if other is not None:  # whichever job the record is for, it ends the open one
             is_later = job.order > other.order
             lacks = None if is_later else self._of_another(channel, other, record) or missing
             self._set_aside(channel, other, lacks or Missing("later"))
@@ -1167,7 +1166,7 @@ class Pairing:
         job.phase = self._table[job.phase][event]
         self._outcomes.append(("closed", job, None))
 
-    def _forget_asked(self, job: Job, limit: str) -> None:
+    def _push_out_asked(self, job: Job, limit: str) -> None:
         """A limit ends a Write without a response."""
         self._no_longer_asked(self.channels[job.key], job)
         self._push_out(job, limit)

@@ -134,6 +134,11 @@ class Series(Closing):
         return self._capture is None or self._capture.timed
 
     @property
+    def excerpt(self) -> bool:
+        """As `Capture.excerpt`: no export is a series of files."""
+        return False
+
+    @property
     def gaps(self) -> bool:
         """Whether frames are missing between two others: dropped ones, a missing or a damaged file."""
         missing = any(file.missing_before for file in self.files[1:])

@@ -17,7 +17,6 @@ from ds47.profinet.link import GROUP, addresses
 
 REACH: Final = 4000
 """So many frames before and after the one are looked at."""
-"""STW1 bit 11 turns the sign of the setpoint."""
 
 
 class SpeedSample(NamedTuple):

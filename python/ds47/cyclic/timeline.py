@@ -173,12 +173,12 @@ class Recorder:
         self._tell(frame, False)
 
     def _tell(self, frame: int, by_controller: bool) -> None:
-        since, other = (self.end_ns, frame), self._said[not by_controller]
-        if 0 < other[0] - since[0] < self.operation.bounds.disorder_ns:
-            since = other
         stw1, zsw1 = self._stw1, self._zsw1
         if stw1 is None or zsw1 is None or self._lost:
             return
+        since, other = (self.end_ns, frame), self._said[not by_controller]
+        if 0 < other[0] - since[0] < self.operation.bounds.disorder_ns:
+            since = other
         heeded = stw1 if self._heeded is None else self._heeded
         values = self._setpoint, self._actual
         self.operation.look(Now(frame, self.end_ns, stw1, heeded, zsw1, *values, since))

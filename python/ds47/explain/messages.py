@@ -19,6 +19,7 @@ _FIVE_DIGITS = 1000
 
 _LAST = 0xFFFF
 _DIGITS = (4, 5)
+"""So many digits a bare number of SINAMICS may have, the leading zero written or not."""
 
 
 def meaning(kind: str, number: int, lang: str) -> CodeMeaning:
