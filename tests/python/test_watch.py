@@ -536,6 +536,7 @@ from ds47.spec.semantics import limits
 
 class Endless:
     path, complete, problem, dropped, gaps, timed = "x", True, None, None, False, True
+    excerpt = False
     first_ns = last_ns = None
     frames = 0
     def tcp(self, ports):
