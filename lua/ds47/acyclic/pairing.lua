@@ -288,7 +288,7 @@ end
 -- Which missing request may be open on a channel, if the capture shows none (P78).
 -- A program goes on reading after a Connect what it asked for before.
 local function may_be_open(self, peer, channel, half)
-  local since = channel.ended_frame > 0 and channel.ended_frame or idle_since(self, channel, half)
+  local since = channel.sought_frame > 0 and channel.sought_frame or idle_since(self, channel, half)
   local missing = requests_missing_after(self, peer, channel, since)
   for key in self.of_place[channel.place]:newest_first(self.limits.users) do
     local unseen = self.channels:get(key).unseen_frame > channel.ended_frame -- whoever asked there
@@ -480,6 +480,7 @@ local function new_channel(self, key, peer, record)
     unasked_frame = 0, -- frame of the newest Write response without a captured request
     unseen_frame = 0, -- the same, but only for an accepted Write: it displaced what was open
     ended_frame = 0, -- frame of the newest Read response that ended a known request, or found none open
+    sought_frame = 0, -- frame of its request, or of the response if that is missing
     aside = nil, -- why the open request was set aside, until another was accepted
   }
   self.channels:set(key, channel)
@@ -528,8 +529,11 @@ end
 -- that Write is for it. After a Connect, it displaces nothing: the AR is new.
 local function displace(self, channel, by)
   local job, asked = channel.open, by.record.request
-  for place = #(job.fetching or NONE), asked and 1 or math.huge, -1 do
-    if job.fetching[place].frame >= asked.frame then job:fetched(job.fetching[place]) end
+  local reads = asked and job.fetching or NONE
+  if asked then job.fetching = nil end
+  for _, sent in ipairs(reads) do
+    local whose = sent.frame < asked.frame and job or by
+    whose:fetch(sent)
   end
   refused_at_last(self, job)
   if job.read_response or connected_since(self, job, asked) then
@@ -707,7 +711,7 @@ local function answer(self, channel, job, record)
   job.read_request, job.read_response = record.request, half
   job.read_before = may_be_read(self, job)
   if job.message then -- anything may be missing before an orphan
-    channel.ended_frame = half.frame
+    channel.ended_frame, channel.sought_frame = half.frame, (record.request or half).frame
     if is_headless(half) and not job.write_refused then
       job.missing = {what = "cut_off", first = half.frame}
     end
@@ -857,12 +861,34 @@ function Pairing:write_request(peer, record, message)
   return job
 end
 
+-- Whether a Read was sent after the Write of a job, and before its response, in the file and by the clock.
+-- While an older request is open, the Read is taken for one of that.
+local function is_read_before(open, job, response)
+  local asked = job:write_request()
+  for _, each in ipairs({job, asked and open and open.order < job.order and open or nil}) do
+    local after = each == open and asked.frame or 0
+    local function is_before(sent)
+      return sent and sent.frame > after and sent.time_ns < response.time_ns
+    end
+    for _, sent in ipairs(each.fetching or NONE) do
+      if is_before(sent) then return true end
+    end
+    for _, poll in ipairs(each.polls) do
+      if is_before(poll.request) then return true end
+    end
+    if each == job and is_before(job.read_request) then return true end
+  end
+  return false
+end
+
 --- The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault).
 -- @param response  the half; may be nil
 function Pairing:write_response(job, response, fault)
   if job.phase == "closed" then self.listener:late(job) end
-  local asked = job.record.request
-  if job.fetching or job.read_request or job.polls[1] then job.hasty = waits(self, job.peer) end
+  local asked, channel = job.record.request, self.channels.values[job.channel_key]
+  local open = channel and channel.open
+  local reads = open or job.fetching or job.read_request or job.polls[1]
+  if response and reads and is_read_before(open, job, response) then job.hasty = waits(self, job.peer) end
   if job.hasty and (fault or response and response.status ~= 0) then
     job.doubled_frame = asked and asked.frame
     return -- the client got another response before, and the device has executed the call twice
@@ -874,9 +900,7 @@ function Pairing:write_response(job, response, fault)
     touch(self, job, "write_response", response)
     job.cut_frame = is_cut_before_status(response) and response.frame or job.cut_frame
   end
-  if job.phase == "closed" or (status == nil and not fault) then return end
-  local channel = self.channels.values[job.channel_key]
-  if channel == nil then return end
+  if channel == nil or job.phase == "closed" or (status == nil and not fault) then return end
   if self.any_replaced then goes_on(self, channel.ar_key) end
   if status == 0 and not fault then
     if not cross(channel, job) then accept(self, channel, job) end
@@ -947,6 +971,17 @@ local function wrote_behind(channel, job, record)
   return open and {what = "read_answer", first = last} or nil
 end
 
+-- Whether a record repeats the last one of its channel, which answered a newer request than that of a job. If
+-- the wire doubles calls, the record may also be that of another channel: their indices share one buffer.
+local function is_newer_again(self, channel, job, half)
+  if is_last(channel, half) and channel.last.order > job.order then return true end
+  for key in (waits(self, job.peer) and self.of_ar[channel.ar_key] or NO_KEYS):iterate() do
+    local other = self.channels.values[key]
+    if is_last(other, half) and other.last.order > job.order then return true end
+  end
+  return false
+end
+
 -- Why a record, or a refused Read, may belong to another Write than that of the job; nil: it does not.
 -- A record with the reference of the request does not belong to a missing Write, if the program counts its
 -- references: otherwise no request in a filtered capture would get its response. A missing Write that was
@@ -981,7 +1016,7 @@ local function of_another(self, channel, job, record)
     return unanswered(job, asked)
   elseif (has_data or half.cut) and doubtful and job.fetching and job.fetching[1].frame < sought.frame then
     return {what = "read_answer", first = job.fetching[1].frame}
-  elseif not fits and is_last(channel, half) and channel.last.order > job.order then
+  elseif not fits and is_newer_again(self, channel, job, half) then
     -- A device that executes a Read once more has the newest response.
     return {what = "read_answer", first = sought.frame}
   elseif may_be_newer(channel, job, record) then
@@ -1014,17 +1049,21 @@ local function nothing(self, peer, channel, record, missing)
     return -- its response comes after that to a later Read
   elseif known then
     missing = may_be_open(self, peer, channel, record.request or half)
+    if missing == nil and record.request == nil then return end -- it was sent before: likewise
   end
   self.listener:nothing_to_read(peer, record, missing)
   if half.status ~= nil and known then
     pass_over(channel)
-    if missing == nil then channel.ended_frame = half.frame end
+    if missing == nil then
+      channel.ended_frame, channel.sought_frame = half.frame, (record.request or half).frame
+    end
   end
 end
 
 --- The answer to a Read. Returns the job that gets it, nil if none does.
 function Pairing:read_response(peer, record)
   local half = record.response
+  self:read_over(peer, record)
   local channel = channel_of(self, peer, record, half.time_ns)
   local event = read_event(half)
   if event == "read_record" or event == "read_cut" then channel.heard_frame = half.frame end
@@ -1069,7 +1108,8 @@ function Pairing:read_response(peer, record)
   local again = last and is_same(last.read_response, half) and missing == nil
     and missing_after(self, peer, first.frame) == nil
   if again and last.phase ~= "closed" then
-    reread(self, channel, last, record)
+    -- without its request it was sent before the last one
+    if record.request then reread(self, channel, last, record) end
     return last
   end
   if not (late or event == "read_cut" or is_last(channel, half)) then pass_over(channel) end
@@ -1116,6 +1156,16 @@ function Pairing:read_asked_late(peer, record, answered)
   if last and last.read_response and last.read_response.frame == answered then
     last.read_request = record.request
   end
+end
+
+--- A Read is over, whichever job gets its response. A job that was displaced has handed it on.
+function Pairing:read_over(peer, record)
+  local job = record.job
+  if job and job.phase == "closed" then
+    local channel = self.channels.values[channel_key(peer, record)]
+    job = channel and channel.open
+  end
+  if job then job:fetched(record.request) end
 end
 
 --- The job that a Read request is for, as far as that is known before its response; nil for none.

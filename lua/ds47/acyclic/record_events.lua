@@ -86,9 +86,7 @@ local function event_answered_twice(_, _, record)
 end
 
 -- A Read is over, whichever job gets its response.
-local function event_read_over(_, _, record)
-  if record.job then record.job:fetched(record.request) end
-end
+local function event_read_over(self, _, record, _, peer) self.pairing:read_over(peer, record) end
 
 local function event_write_asked(self, origin, record, message, peer)
   clock(self, origin, record)
@@ -111,7 +109,6 @@ local function event_read_answered(self, origin, record, _, peer)
     self.pairing:read_cut_before_status(peer, record)
     return
   end
-  event_read_over(self, origin, record)
   local place, data = record.place, record.response.data
   if ALWAYS[place.index] and data ~= "" then self.index47:responded(peer.device, place, data, self.codec) end
   self.pairing:read_response(peer, record)

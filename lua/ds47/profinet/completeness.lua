@@ -35,7 +35,8 @@ Numbers.__index = Numbers
 -- before (frames), first, last (numbers), over (true where its client counts anew since: what comes
 -- is none of these)}, in the order of their frames; `below`: the same of numbers below the first one that
 -- was there, which may have come before the capture began; `under`: the newest of those that were there;
--- `waited` and `ahead`: how many calls were answered before the next one was sent, and behind that.
+-- `waited` and `ahead`: how many calls were answered before the next one was sent, and behind that; `passed`:
+-- true if a call was answered before a call with a lower number.
 -- @param pdu  the first request
 function M.numbers(pdu)
   return setmetatable({
@@ -104,6 +105,7 @@ end
 
 --- A call is answered.
 function Numbers:hears(number)
+  if self.answered > -1 and number > self.answered + 1 then self.passed = true end
   local what = number < self.highest and "ahead" or "waited"
   self[what], self.answered = self[what] + 1, max(self.answered, number)
 end
@@ -203,14 +205,16 @@ end
 --- A response came once more, later than a mirror port brings one.
 function Completeness:doubled(response) pair_of(self, response.client, response.server).doubled = true end
 
---- Whether a client waits for each response as a rule, on a wire that doubles them: then one that came behind
--- its next call may be the second one, and the first is not in the capture.
+--- Whether a client usually waits for each response, on a wire that doubles or a capture with gaps. Then a
+-- response after the client's next call may be the second copy, with the first one not captured.
 function Completeness:waits(client, server)
   local pair, ahead, waited = self.pairs:get(key_of(client, server)), 0, 0
-  for _, numbers in ipairs(pair and pair.doubled and pair.activities or {}) do
+  local lacking = pair and (pair.doubled or pair.unasked[1] or pair.lost[1])
+  for _, numbers in ipairs(pair and pair.activities or {}) do
     ahead, waited = ahead + numbers.ahead, waited + numbers.waited
+    lacking = lacking or numbers.passed or numbers.holes[1]
   end
-  return RARELY * ahead < waited
+  return lacking and RARELY * ahead < waited
 end
 
 --- A call has no response.

@@ -247,6 +247,8 @@ class Channel(Plain):
     """The same, but only for an accepted Write: it displaced what was open."""
     ended_frame: int
     """The frame of the newest Read response that ended a known request, or found none open; 0 for neither."""
+    sought_frame: int
+    """The frame of the request of that Read, or of its response if the request is missing."""
     aside: Missing | None
     """Why the open request was set aside: a record may be the response to it; None once another was accepted."""
 
@@ -270,7 +272,7 @@ class Channel(Plain):
         self.accepted = 0
         self.heard_frame = 0
         self.unasked_frame = self.unseen_frame = 0
-        self.ended_frame = 0
+        self.ended_frame = self.sought_frame = 0
         self.aside = None
 
     def pass_over(self) -> None:
@@ -396,7 +398,13 @@ class Pairing:
 
     def write_response(self, job: Job, response: Half | None, *, fault: bool = False) -> None:
         """The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault)."""
-        if job.polls or job.fetching or job.read_request:
+        channel = self.channels.get(job.key)
+        opened = channel.open if channel is not None else None
+        if (
+            response is not None
+            and (opened or job.fetching or job.polls or job.read_request)
+            and _is_read_before(opened, job, response)
+        ):
             job.hasty = self._waits(job.peer)
         if job.hasty and (fault or (response is not None and response.status)):
             job.doubled_frame = job.write_request.frame if job.write_request else 0
@@ -405,10 +413,7 @@ class Pairing:
         job.write_response, job.write_refused = response, fault or bool(status)
         if response is not None and response.cut and response.cut_before_status:
             job.cut_frame = response.frame
-        if job.phase == "closed" or (status is None and not fault):
-            return
-        channel = self.channels.get(job.key)
-        if channel is None:
+        if channel is None or job.phase == "closed" or (status is None and not fault):
             return
         if self.replaced:
             self.goes_on(*job.key[:3])
@@ -502,7 +507,8 @@ class Pairing:
         read = self._last_response(record, channel)
         first = self._first_of(record, read) if missing is None else None
         if read is not None and first is not None and read.phase != "closed":
-            self._reread(channel, read, record)
+            if record.request is not None:  # else it was sent before that of the last response
+                self._reread(channel, read, record)
             return read
         if not (late or event == "read_cut" or _is_last(channel, half)):
             channel.pass_over()
@@ -613,7 +619,7 @@ class Pairing:
             doubtful = not fits or (_is_last(channel, half) and not _counts(job, record))
             if doubtful:
                 return Missing("read_answer", job.fetching[0].frame)
-        if not fits and _is_last(channel, half) and channel.last and channel.last.order > job.order:
+        if not fits and self._is_newer_again(channel, job, half):
             # A device that executes a Read once more has the newest response.
             return Missing("read_answer", read)
         if channel.asked and _may_be_newer(channel, job, record):
@@ -632,6 +638,18 @@ class Pairing:
         if found is None or not half.data or channel.unseen_frame > since:
             return found
         return self._unless_sure(job, asked, record, found, fits=fits)
+
+    def _is_newer_again(self, channel: Channel, job: Job, half: Half) -> bool:
+        """Whether a record repeats the last one of its channel, which answered a newer request than that of a job.
+
+        If the wire doubles calls, the record may also be that of another channel: their indices share one buffer.
+        """
+        key = job.key[:3]
+        others = (self.channels[each] for each in self._of_ar[key]) if self._waits(job.peer) else ()
+        return any(
+            _is_last(each, half) and each.last is not None and each.last.order > job.order
+            for each in (channel, *others)
+        )
 
     def _unless_sure(
         self, job: Job, asked: Half, record: Record, found: Missing, *, fits: bool
@@ -714,11 +732,14 @@ class Pairing:
             missing = self._may_be_open(
                 record.peer, record.channel, channel, record.request or half
             )
+            if missing is None and record.request is None:
+                return  # its missing request was sent before: likewise
         self._outcomes.append(("nothing", record, missing))
         if half.status is not None and known:
             channel.pass_over()
             if missing is None:
                 channel.ended_frame = half.frame
+                channel.sought_frame = (record.request or half).frame
 
     def _may_be_open(
         self, peer: Peer, key: ChannelKey, channel: Channel, half: Half
@@ -727,7 +748,7 @@ class Pairing:
 
         A program goes on reading after a Connect what it asked for before.
         """
-        since = channel.ended_frame or self._idle_since(key, channel, half)
+        since = channel.sought_frame or self._idle_since(key, channel, half)
         missing = self._requests_missing_after(peer, channel, since)
         if missing is None and self._newest_unseen(key) > channel.ended_frame:
             return Missing("requests")
@@ -788,6 +809,9 @@ class Pairing:
     def read_over(self, record: Record) -> None:
         """A Read is over, whichever job gets its response."""
         job, asked = record.job, record.request
+        if job is not None and job.phase == "closed":
+            channel = self.channels.get(record.channel)
+            job = channel.open if channel is not None else None  # see `_displace`
         if job is not None and asked in job.fetching:
             job.fetching.remove(asked)
 
@@ -940,6 +964,7 @@ class Pairing:
         """
         asked = by.record.request
         if asked is not None:
+            by.fetching += [read for read in job.fetching if read.frame >= asked.frame]
             job.fetching = [read for read in job.fetching if read.frame < asked.frame]
         self._refused_at_last(job)
         if job.read_response is not None or self._connected_since(job, asked) is not None:
@@ -1082,7 +1107,7 @@ class Pairing:
         job.read_request, job.read_response = read, half
         job.read_before = bool(job.polls or job.fetching) and self._may_be_read(job)
         if job.message is not None:  # anything may be missing before an orphan
-            channel.ended_frame = half.frame
+            channel.ended_frame, channel.sought_frame = half.frame, (read or half).frame
             if half.cut and _is_headless(half) and not job.write_refused:
                 job.missing = Missing("cut_off", half.frame)
         if channel.open is job:
@@ -1213,6 +1238,21 @@ def _written_again(channel: Channel, job: Job) -> None:
         before = each.write_request
         if each.order < job.order and before and by and before.data == by.data:
             each.rewritten_frame = by.frame
+
+
+def _is_read_before(opened: Job | None, job: Job, response: Half) -> bool:
+    """Whether a Read was sent after the Write of a job, and before its response, in the file and by the clock.
+
+    While an older request is open, the Read is taken for one of that.
+    """
+    reads, asked = (
+        [*job.fetching, job.read_request, *(read for read, _ in job.polls)],
+        job.write_request,
+    )
+    if asked is not None and opened is not None and opened.order < job.order:
+        of_opened = (*opened.fetching, *(read for read, _ in opened.polls))
+        reads += [read for read in of_opened if read is not None and read.frame > asked.frame]
+    return any(read is not None and read.time_ns < response.time_ns for read in reads)
 
 
 def _cross(channel: Channel, job: Job) -> bool:

@@ -396,6 +396,8 @@ class CallTracker:
         else:
             numbers.waited += 1
         if seq > numbers.answered:
+            if -1 < numbers.answered < seq - 1:
+                numbers.passed = True
             numbers.answered = seq
         elif seq < numbers.answered and numbers.is_late(pdu):
             self._completeness.disordered(pdu)

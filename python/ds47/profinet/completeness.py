@@ -81,7 +81,7 @@ class Numbers:
 
     __slots__ = (
         "ahead", "anew", "answered", "below", "following", "highest", "holes", "lowest", "newest",
-        "sure", "under", "waited",
+        "passed", "sure", "under", "waited",
     )  # fmt: skip
 
     def __init__(self, pdu: Pdu) -> None:
@@ -94,6 +94,8 @@ class Numbers:
         """The request with the highest number."""
         self.answered = -1
         """The highest answered number since the last restart: the client has moved on from those before it."""
+        self.passed = False
+        """Whether a call was answered before a call with a lower number."""
         self.waited = self.ahead = 0
         """How many calls were answered before the next one was sent, and how many after it."""
         self.holes: list[Hole] = []
@@ -372,12 +374,14 @@ class Completeness:
         return None
 
     def waits(self, client: str, server: str) -> bool:
-        """Whether a client usually waits for each response, on a wire that doubles them.
+        """Whether a client usually waits for each response, on a wire that doubles or a capture that lacks some.
 
         Then a response after the client's next call may be the second copy, with the first one not captured.
         """
         pair = self._pairs.get((client, server))
-        if pair is None or not pair.doubled:
+        if pair is None or not (
+            pair.doubled or pair.newest or any(each.passed for each in pair.activities)
+        ):
             return False
         ahead = sum(each.ahead for each in pair.activities)
         return _RARELY * ahead < sum(each.waited for each in pair.activities)

@@ -36,6 +36,8 @@ class Jobs:
         self._open: OrderedDict[_Key, model.S7Job] = OrderedDict()
         """In the order in which they were asked."""
         self._count: dict[tuple[int, bool], int] = {}
+        self._newest: dict[tuple[int, bool], int] = {}
+        """Number of a connection, whether its client asks -> the reference of the newest job."""
         self._bytes = 0
 
     def asked(
@@ -50,6 +52,8 @@ class Jobs:
         )  # fmt: skip
         side = connection.number, from_client
         key = connection.number, from_client, pdu.reference
+        job.same_reference = self._newest.get(side) == pdu.reference
+        self._newest[side] = pdu.reference
         if self._open:
             self._give_up(key)
             self._expire(at)
@@ -70,6 +74,9 @@ class Jobs:
         """An answer; False where it is none to a read or a write."""
         key = connection.number, not from_client, pdu.reference
         job, function = self._open.get(key), pdu.function
+        if job is not None and job.same_reference and connection.lacks(job.from_client):
+            self._give_up(key, lost=True)  # the answer may be that to a missing request
+            job = None
         if function in OPERATIONS and (job is None or OPERATIONS[function] != job.operation):
             self._orphan(connection, from_client, pdu, at)
             return True
@@ -102,6 +109,7 @@ class Jobs:
             self._give_up(key)
         for from_client in (True, False):
             self._count.pop((connection.number, from_client), None)
+            self._newest.pop((connection.number, from_client), None)
 
     def _orphan(
         self, connection: model.S7Connection, from_client: bool, pdu: S7Pdu, at: model.At
@@ -132,10 +140,10 @@ class Jobs:
             self._count[key[0], key[1]] -= 1
         return job
 
-    def _give_up(self, key: _Key) -> None:
+    def _give_up(self, key: _Key, *, lost: bool = False) -> None:
         job = self._take(key)
         if job is not None:
-            job.lost = job.lost or job.connection.lacks(not job.from_client)
+            job.lost = lost or job.lost or job.connection.lacks(not job.from_client)
             job.state = model.INCOMPLETE if job.lost else model.UNANSWERED
             self._close(job)
 

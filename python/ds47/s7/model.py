@@ -261,6 +261,8 @@ class S7Job:
     """All its frames: a PDU may span several TCP segments."""
     lost: bool
     """Whether the capture lacks bytes of the connection while the job was open: they may hold its answer."""
+    same_reference: bool
+    """Whether the job before it on the connection, of the same end, had its reference."""
     position: int
     """Its position among the PDUs that begin in the frame of its first one."""
     order: int
@@ -306,7 +308,7 @@ class S7Job:
         self.flaws = [] if flaws is None else flaws
         self.answer_flaws = [] if answer_flaws is None else answer_flaws
         self.frames = [] if frames is None else frames
-        self.lost = False
+        self.lost = self.same_reference = False
         self.position = 0
         self.order = 0
         self.phase = "open"
