@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from talk import job
 
-from ds47.acyclic.judge import Judge, drive_time_ns, is_mismatch
+from ds47.acyclic.judge import Judge, Seen, asker, drive_time_ns, is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.lab import message
@@ -317,6 +317,48 @@ def test_the_length_of_a_change_that_the_capture_cut_off_is_no_other_one(lacking
     assert one.write_request is not None
     one.write_request.missing = lacking
     assert rules(court.answered(one)).count("DS419") == (not lacking)
+
+
+def test_one_of_several_parameters_may_have_the_wrong_number_of_values() -> None:
+    court = judge()
+    two = message.change(1, 1, (SPEED, TEN), (RAMP, TEN + TEN))
+    court.answered(job(two, message.answer(1, 0x82, 2, message.error(0x11), message.error(0x18))))
+    accepted = job(two[: -len(TEN)], message.changed(1, 1, 2))
+    assert rules(court.answered(accepted)) == ["DS419"]
+
+
+def test_a_response_that_is_cut_before_its_id_tells_no_other_length() -> None:
+    court = judge()
+    court.answered(change(TEN + TEN, answer=message.answer(1, 0x82, 1, message.error(0x18))))
+    one = change(TEN)
+    assert one.read_response is not None
+    one.read_response.cut, one.response = True, decode_response(b"\x01", one.message, cut=True)
+    court.answered(one)
+    assert "DS419" in rules(court.answered(change(TEN)))
+
+
+def known(court: Judge, *, longest: int = 240) -> Job:
+    """A usual job; what its response shows is known already."""
+    one = job(READ, message.answer(1, 1, 1, TEN))
+    court.shown.ways[asker(one, 1)] = 1, (1, 1, -1)
+    court.shown.longest["d"] = longest
+    court.shown.formats["d", (1, 1, -1), 1120] = Seen(8, 1)
+    assert court.answered(one) == court.closed(one) == []
+    return one
+
+
+def test_the_longest_response_of_a_device_shows_something_new() -> None:
+    assert known(judge()).shows_nothing_new
+    assert known(judge(), longest=10).shows_nothing_new
+    assert not known(judge(), longest=9).shows_nothing_new
+
+
+def test_what_a_device_says_about_itself_is_never_usual() -> None:
+    telegram = job(
+        message.read(1, 1, message.address(922)), message.answer(1, 1, 1, message.word(1))
+    )
+    assert judge().answered(telegram) == []
+    assert not telegram.usual
 
 
 def test_974_may_say_1() -> None:

@@ -355,7 +355,7 @@ class Judge:
         if half is None or response is None or half.missing:
             return
         place = job.peer.device, record.api, record.slot, record.subslot, record.index
-        if response.response_id is not None and response.response_id & 0x80:
+        if response.response_id not in DONE:
             if any(each.error and each.error.code == WRONG_COUNT for each in response.blocks):
                 self._learn(self._misfits, place, half)
             return
