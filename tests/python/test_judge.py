@@ -322,7 +322,7 @@ def test_the_length_of_a_change_that_the_capture_cut_off_is_no_other_one(lacking
 def test_one_of_several_parameters_may_have_the_wrong_number_of_values() -> None:
     court = judge()
     two = message.change(1, 1, (SPEED, TEN), (RAMP, TEN + TEN))
-    court.answered(job(two, message.answer(1, 0x82, 2, message.error(0x11), message.error(0x18))))
+    court.answered(job(two, message.answer(1, 0x82, 1, message.error(0x11), message.error(0x18))))
     accepted = job(two[: -len(TEN)], message.changed(1, 1, 2))
     assert rules(court.answered(accepted)) == ["DS419"]
 
