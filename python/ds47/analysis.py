@@ -188,18 +188,6 @@ def _names(lists: Sequence[ParameterList]) -> Callable[..., object] | None:
     return lambda transaction, *device: naming.explain(transaction, catalogue, *device)
 
 
-def _built_s7(job: S7Job, of_drive: bool) -> Transaction:
-    from ds47.s7.transactions import build as build_s7  # few captures have S7
-
-    return build_s7(job, of_drive=of_drive)
-
-
-def _name_elements(transaction: Transaction) -> None:
-    from ds47.s7.transactions import name_elements
-
-    name_elements(transaction)
-
-
 class Analysis:
     """One run over one capture; most want `analyze`.
 
@@ -222,12 +210,11 @@ class Analysis:
         bounds = limits()
         slow_ms = options.slow_ms
         slow_ns = bounds.slow_ns if slow_ms is None else int(slow_ms * 1e6)
-        found = early.found if early is not None else None
-        others = rules_of_others(options.channels)
         self._times = FrameTimes(bounds.frame_times)
         self._findings = Findings(
-            options.select, options.ignore, found, self._times, bounds.lone_findings, others
-        )
+            options.select, options.ignore, early and early.found, self._times, bounds.lone_findings,
+            rules_of_others(options.channels),
+        )  # fmt: skip
         self._outcomes: list[Outcome] = []
         index47 = Index47(
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars,
@@ -252,14 +239,9 @@ class Analysis:
         """What is in cyclic frames; None until something sets it up or names it."""
         self._events = RecordEvents(index47, self._pairing, options.codec, self._outcomes)
         self._records = RecordCalls(
-            self._events,
-            self._pairing,
-            self._outcomes,
-            self._completeness,
-            bounds,
-            self._stations,
+            self._events, self._pairing, self._outcomes, self._completeness, bounds, self._stations,
             self._vendor,
-        )
+        )  # fmt: skip
         self._calls = CallTracker(bounds, self._completeness)
         ports = options.s7.every_port if S7 in options.channels else ()
         self._s7 = LateCommunication(ports, self._made_s7, bounds.s7_memories)
@@ -364,8 +346,8 @@ class Analysis:
                 times.newest = frame
                 if times.room:
                     times.room, now = times.room - 1, frame.time_ns
-                    times.seen.append(frame.number)
-                    times.seen.append(now if -NO_CLOCK < now < NO_CLOCK else NO_CLOCK)
+                    times.numbers.append(frame.number)
+                    times.times.append(now if -NO_CLOCK < now < NO_CLOCK else NO_CLOCK)
             if on_bus:
                 if self._lines is None:
                     self._lines = self._made_lines()
@@ -566,15 +548,8 @@ class Analysis:
             self._objects.transaction(transaction)
         remarks += self._remarks.pop(job, ())
         job.forget()
-        if DS47 not in self._options.channels:
-            return
-        self._ended[transaction.state, transaction.operation] += 1
-        if self._on_transaction is None:
-            self._transactions[job.order] = transaction
-            for remark in remarks:
-                self._findings.add(remark)
-            return
-        self._hand_out(job.order, transaction, remarks, self._on_transaction)
+        if DS47 in self._options.channels:
+            self._finished(job, transaction, remarks)
 
     def _named(self, job: Job) -> Transaction:
         """The transaction of a job, with the names from lists."""
@@ -626,7 +601,7 @@ class Analysis:
         remarks += self._cyclic.transaction(transaction)
         if PKW in self._options.channels:
             self._cyclic.reported(relation, job)
-            self._finished(order, transaction, remarks)
+            self._finished(_Over(order, transaction.device), transaction, remarks)
 
     def _drive(self, ip: str) -> str | None:
         """What shows so far, apart from S7 and record calls, that an IP address is a drive or a CPU."""
@@ -642,28 +617,35 @@ class Analysis:
 
     def _communicated(self, job: S7Job, remarks: list[Remark]) -> None:
         """A job of S7 is over."""
+        from ds47.s7.transactions import build as build_s7  # few captures have S7
+
         job.order = self._pairing.number()
         of_drive = self._s7.is_drive(job.partner.ip)
         if not of_drive:
             self._unproven.add(job.partner.ip)
-        self._finished(job.order, _built_s7(job, of_drive), remarks)
+        transaction = build_s7(job, of_drive=of_drive)
+        self._finished(_Over(job.order, transaction.device), transaction, remarks)
 
     def _proven_late(self) -> None:
         """Names elements in the S7 jobs of a drive that were over before it was known as one."""
         late = set(filter(self._s7.is_drive, self._unproven))
-        for transaction in self._transactions.values() if late else ():
-            if transaction.channel == S7 and transaction.device in late:
-                _name_elements(transaction)
+        if not late:
+            return
+        from ds47.s7.transactions import name_elements
 
-    def _finished(self, order: int, transaction: Transaction, remarks: list[Remark]) -> None:
-        """A transaction of PKW or S7 is over."""
+        for transaction in self._transactions.values():
+            if transaction.channel == S7 and transaction.device in late:
+                name_elements(transaction)
+
+    def _finished(self, job: AnyJob, transaction: Transaction, remarks: list[Remark]) -> None:
+        """A transaction is over: it is counted, and handed out or kept."""
         self._ended[transaction.state, transaction.operation] += 1
         if self._on_transaction is not None:
-            self._hand_out(order, transaction, remarks, self._on_transaction)
+            self._hand_out(job.order, transaction, remarks, self._on_transaction)
             return
-        self._transactions[order] = transaction
+        self._transactions[job.order] = transaction
         for remark in remarks:
-            remark.job = _Over(order, transaction.device)
+            remark.job = job
             self._findings.add(remark)
 
     def _operation(self) -> None:
@@ -704,11 +686,7 @@ class Analysis:
 
     def _not_asked(self, record: Record, half: Half) -> Remark:
         """The finding for a Read that found nothing: DS808 if nothing was written since the start-up."""
-        status, device, index = (
-            status_hex(half.status or 0),
-            record.peer.device,
-            record.index,
-        )
+        status, device, index = status_hex(half.status or 0), record.peer.device, record.index
         if self._lines is not None and self._lines.was_never_written(device, index, half.frame):
             args = {"device": device, "index": index, "status": status}
             return Remark("DS808", half.frame, args)

@@ -53,7 +53,8 @@ def test_frames_have_their_times_as_far_as_there_is_room(monkeypatch: pytest.Mon
         told[number] = analysis._times.of(number)
     assert told == dict(times)
     assert [analysis._times.of(number) for number in (2, 3, 4, 5, 6)] == [20, None, None, 50, None]
-    assert noted.seen == analysis._times.seen
+    assert noted.numbers == analysis._times.numbers
+    assert noted.times == analysis._times.times
 
 
 def test_order_and_owner() -> None:

@@ -25,7 +25,7 @@ class FrameTimes:
 
     def __init__(self, room: int) -> None:
         self.room = room
-        self.seen = array("q")
+        self.numbers, self.times = array("q"), array("q")
         self.newest: Timed | None = None
 
     def note(self, frame: Timed) -> None:
@@ -33,15 +33,15 @@ class FrameTimes:
         self.newest = frame
         if self.room:
             self.room, now = self.room - 1, frame.time_ns
-            self.seen.append(frame.number)
-            self.seen.append(now if -NO_CLOCK < now < NO_CLOCK else NO_CLOCK)
+            self.numbers.append(frame.number)
+            self.times.append(now if -NO_CLOCK < now < NO_CLOCK else NO_CLOCK)
 
     def of(self, number: int) -> int | None:
         """Nanoseconds since 1970; None where it is not known."""
         if self.newest is not None and number == self.newest.number:
             return self.newest.time_ns
-        seen = self.seen
-        at = 2 * bisect_left(range(len(seen) // 2), number, key=lambda place: seen[2 * place])
-        if at < len(seen) and seen[at] == number and abs(seen[at + 1]) < NO_CLOCK:
-            return seen[at + 1]
+        numbers, times = self.numbers, self.times
+        at = bisect_left(numbers, number)
+        if at < len(numbers) and numbers[at] == number and abs(times[at]) < NO_CLOCK:
+            return times[at]
         return None
