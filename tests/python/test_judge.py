@@ -332,7 +332,8 @@ def test_a_response_that_is_cut_before_its_id_tells_no_other_length() -> None:
     court.answered(change(TEN + TEN, answer=message.answer(1, 0x82, 1, message.error(0x18))))
     one = change(TEN)
     assert one.read_response is not None
-    one.read_response.cut, one.response = True, decode_response(b"\x01", one.message, cut=True)
+    one.read_response.cut, one.read_response.data = True, b"\x01"
+    one.response = decode_response(b"\x01", one.message, cut=True)
     court.answered(one)
     assert "DS419" in rules(court.answered(change(TEN)))
 

@@ -659,8 +659,10 @@ end
 
 -- Whether the Write of a job was sent after the request of a Read, in the file and by the clock.
 local function is_later(job, record)
-  local asked, read = job:write_request(), record.request
-  return asked ~= nil and read ~= nil and asked.frame > read.frame and asked.time_ns >= read.time_ns
+  local asked, sent, before = job:write_request(), record.request, record.asked_before
+  if asked == nil then return false end
+  if sent == nil then return before ~= nil and before <= asked.frame end
+  return asked.frame > sent.frame and asked.time_ns >= sent.time_ns
 end
 
 -- Whether a record has the reference and the kind of a request.

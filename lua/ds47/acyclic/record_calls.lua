@@ -307,8 +307,10 @@ function RecordCalls:answered(call)
   end
 end
 
---- A response to no known call; `certain`: that its request is not in the capture.
-function RecordCalls:unasked(pdu, certain)
+--- A response to no known call.
+-- @param certain  that its request is not in the capture
+-- @param before  the frame before which that was sent; nil if that is unknown
+function RecordCalls:unasked(pdu, certain, before)
   local operation = OPERATIONS[pdu.opnum]
   if not operation then
     self:_goes_on(pdu)
@@ -319,7 +321,7 @@ function RecordCalls:unasked(pdu, certain)
   if first == nil then self.completeness:cut(pdu) end
   local record = ours_from(self, first)
   while record do
-    self.newest = pdu.frame
+    self.newest, record.asked_before = pdu.frame, before
     if certain and not self.forgot_requests then
       local remark = {rule = "DS102", frame = pdu.frame, args = {operation = operation}}
       local alone = self.alone:get(pdu.frame) or {}

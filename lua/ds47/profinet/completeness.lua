@@ -72,6 +72,16 @@ local function fill(holes, number)
   return false
 end
 
+--- The frame of the first call after a missing one; nil if none is known.
+function Numbers:sent_before(number)
+  for _, holes in ipairs({self.holes, self.below}) do
+    for _, hole in ipairs(holes) do
+      if lacks(hole, number) then return hole.before end
+    end
+  end
+  return nil
+end
+
 --- Whether a number was missing up to now; now it is there.
 function Numbers:fills(number) return fill(self.holes, number) or fill(self.below, number) end
 

@@ -1330,8 +1330,10 @@ def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
 def _is_later(job: Job, record: Record) -> bool:
     """Whether the Write of a job was sent after the request of a Read, in the file and by the clock."""
     asked, read = job.write_request, record.request
-    if asked is None or read is None:
+    if asked is None:
         return False
+    if read is None:
+        return 0 < record.asked_before <= asked.frame
     return asked.frame > read.frame and asked.time_ns >= read.time_ns
 
 

@@ -88,8 +88,8 @@ class RecordCalls:
         self.handlers: dict[What, Callable[[Any, Any], None]] = {
             "asked": self._asked, "answered": self._answered, "failed": self._failed,
             "again": self._again, "late": self._late, "twice": self._twice,
-            "unasked": lambda _, pdu: self._unasked(pdu, certain=True),
-            "unasked_in_part": lambda _, pdu: self._unasked(pdu, certain=False),
+            "unasked": lambda before, pdu: self._unasked(pdu, before, certain=True),
+            "unasked_in_part": lambda before, pdu: self._unasked(pdu, before, certain=False),
             "lost": self._lost, "pushed_out": self._lost,
             "incomplete": lambda call, pdu: self.incomplete(pdu, "RPC", call),
         }  # fmt: skip
@@ -267,7 +267,7 @@ class RecordCalls:
                 self._events.pass_on(record, "about", Remark("DS108", pdu.frame))
             self._events.answered(record, pdu.cut)
 
-    def _unasked(self, pdu: rpc.Pdu, *, certain: bool) -> None:
+    def _unasked(self, pdu: rpc.Pdu, before: int, *, certain: bool) -> None:
         self._stations.message(pdu)
         if pdu.opnum not in OPERATIONS:
             self._goes_on(pdu)
@@ -280,7 +280,7 @@ class RecordCalls:
         for record in records:
             if not record.may_be_ours:
                 continue
-            self._newest = pdu.frame
+            self._newest, record.asked_before = pdu.frame, before
             if certain and not self._forgot_requests:
                 args = {"operation": OPERATIONS[pdu.opnum]}
                 remark = Remark("DS102", pdu.frame, args)

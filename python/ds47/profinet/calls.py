@@ -98,7 +98,8 @@ Became = tuple[What, Any, Any]
     again             its request was repeated
     late              its request came after its response: the message is the response
     twice             a second response with other bytes: it belongs to no other call
-    unasked           a response without its request in the capture
+    unasked           a response without its request in the capture; instead of the call the frame before which the
+                      request was sent, 0 if that is unknown
     unasked_in_part   the same, but the capture may have fragments of the request
     lost              its response did not come in time
     pushed_out        a limit gave it up: its response may still come
@@ -361,7 +362,8 @@ class CallTracker:
             self._answer(activity, call, pdu)
             told.append(("answered", call, pdu))
         elif not self._answers_again(activity, pdu, told):
-            told.append(("unasked" if self._unasked(pdu) else "unasked_in_part", None, pdu))
+            before = 0 if activity is None else activity.numbers.sent_before(pdu.seq)
+            told.append(("unasked" if self._unasked(pdu) else "unasked_in_part", before, pdu))
 
     def _answers_again(self, activity: Activity | None, pdu: Pdu, told: list[Became]) -> bool:
         """Whether a response or fault is a second one of a call. Adds "twice" if its bytes differ."""

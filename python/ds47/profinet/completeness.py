@@ -153,6 +153,10 @@ class Numbers:
             each.has(number) for each in self.holes
         )
 
+    def sent_before(self, number: int) -> int:
+        """The frame of the first call after a missing one; 0 if none is known."""
+        return next((each.before for each in (*self.holes, *self.below) if each.has(number)), 0)
+
     def fills(self, number: int) -> bool:
         """Whether a number was missing until now, and fills its hole."""
         return _fills(self.holes, number) or _fills(self.below, number)

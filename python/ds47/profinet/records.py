@@ -154,6 +154,8 @@ class Record(Plain):
     """Whether its index can carry the parameter channel."""
     proven: bool
     """Whether its AR had proved itself when the request came."""
+    asked_before: int
+    """Without a request: the frame before which it was sent; 0 if that is unknown."""
     job: Any
     """A Write: its own job. A Read: the job that it fetches the response for. None if unknown."""
 
@@ -186,7 +188,7 @@ class Record(Plain):
         controller, device = peer[0], peer[1]
         self.relation = controller, device, ar
         self.channel = controller, device, ar, api, slot, subslot, index
-        self.job = None
+        self.job, self.asked_before = None, 0
 
     def of(self, peer: Peer, *, may_be_ours: bool = True) -> Record:
         """The same call with its peer, if that was unknown when the call came."""
