@@ -338,12 +338,13 @@ def test_a_response_that_is_cut_before_its_id_tells_no_other_length() -> None:
     assert "DS419" in rules(court.answered(change(TEN)))
 
 
-def known(court: Judge, *, longest: int = 240) -> Job:
+def known(court: Judge, *, longest: int = 240, axis: int = -1) -> Job:
     """A usual job; what its response shows is known already."""
-    one = job(READ, message.answer(1, 1, 1, TEN))
-    court.shown.ways[asker(one, 1)] = 1, (1, 1, -1)
+    one, way = job(READ, message.answer(1, 1, 1, TEN)), (1, 1, axis)
+    court.shown.ways[asker(one, 1)] = 1, way
     court.shown.longest["d"] = longest
-    court.shown.formats["d", (1, 1, -1), 1120] = Seen(8, 1)
+    court.shown.axes["d"] = frozenset((1,))
+    court.shown.formats["d", way, 1120] = Seen(8, 1)
     assert court.answered(one) == court.closed(one) == []
     return one
 
@@ -352,6 +353,11 @@ def test_the_longest_response_of_a_device_shows_something_new() -> None:
     assert known(judge()).shows_nothing_new
     assert known(judge(), longest=10).shows_nothing_new
     assert not known(judge(), longest=9).shows_nothing_new
+
+
+def test_an_axis_that_has_not_answered_yet_shows_something_new() -> None:
+    assert known(judge(), axis=1).shows_nothing_new
+    assert not known(judge(), axis=2).shows_nothing_new
 
 
 def test_what_a_device_says_about_itself_is_never_usual() -> None:
