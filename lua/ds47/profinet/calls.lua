@@ -39,8 +39,8 @@ M.CallTracker = CallTracker
 --   asked(call); answered(call), by its response; failed(call, pdu), by a fault or reject; again(call, pdu),
 --   its request was repeated; late(call), its request came after its response, but was sent before;
 --   twice(call, pdu), a second response with other bytes; lost(call), its response did not come in time;
---   unasked(pdu, certain, before), a response without its request, which was sent before that frame; `certain`
---   if the capture has no part of it;
+--   unasked(pdu, certain, before), a response without its request, sent before that frame; `certain` if the
+--   capture has no part of it;
 --   pushed_out(call, limit), the limit of that name gave it up: its response may still come;
 --   given_up(part, "RPC", tracker), a message without all its fragments
 -- @param missing  hears what the capture lacks (completeness.lua)
