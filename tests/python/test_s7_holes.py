@@ -15,7 +15,7 @@ import pytest
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Frame, open_capture
 from ds47.capture.writer import PcapngWriter
-from ds47.model import Finding
+from ds47.model import CaptureResult, Finding
 from ds47.report import ReportOptions
 from ds47.report.clock import Clock
 from ds47.report.sentences import sentence
@@ -181,3 +181,24 @@ def test_a_report_of_answers_alone_begins_with_the_direction_that_is_missing() -
     assert " sends was captured" in " ".join(rest.split())
     assert "DS908 error" in rest
     assert VerdictCounts.of(result).level == "bad"
+
+
+def cut_result(name: str, tmp_path: Path, missing: Iterable[int]) -> CaptureResult:
+    """The result of a capture without some of its frames."""
+    frames = frames_of(ROOT / "captures" / name)
+    left = [each for each in frames if each.number not in missing]
+    return analyze(write(tmp_path / "cut.pcapng", left, frames[0].link_type))
+
+
+def test_a_connection_that_carried_data_was_not_refused(tmp_path: Path) -> None:
+    """Its confirmation is missing, and its SYN-ACK, which would show that; the CPU ends it later."""
+    result = cut_result("s7-stacks/bsend_pure_pure.pcapng", tmp_path, (2, 6))
+    assert "DS917" not in {each.rule for each in result.findings}
+
+
+def test_with_one_reference_for_all_an_answer_behind_a_gap_is_nobodys(tmp_path: Path) -> None:
+    """The answer of a job, the jobs after it and the request of the next answer are missing."""
+    result = cut_result("lossy-stacks/s7connector.pcapng", tmp_path, range(15, 39))
+    job, answer = result.transactions[2:4]
+    assert (job.state, job.frames.write_request) == ("incomplete", 14)
+    assert (answer.state, answer.frames.read_response) == ("orphan", 15)

@@ -138,7 +138,7 @@ class Connections:
         since = at.time_ns - self._bounds.unread_ns if talk.open_ended else None
         asked = line.asked
         waited = asked is not None and (since is None or asked.time_ns < since)
-        if waited and not _is_s7(connection) and self._unconfirmed(line, connection):
+        if waited and self._unconfirmed(line, connection):
             self._refuse(line, connection, "reset" if reset else "no_confirm", asked or at)
         self._jobs.close(connection, since)
         self._transfers.close(connection, since)
@@ -182,10 +182,9 @@ class Connections:
         return line.connection
 
     def _unconfirmed(self, line: _Line, connection: S7Connection) -> bool:
-        """Whether there was no CC, and the capture lacks nothing of the server."""
-        return (
-            connection.confirmed is None and not line.backward.lost and not connection.lacks(False)
-        )
+        """Whether there was no CC, nor what follows one, and the capture lacks nothing of the server."""
+        answered = connection.confirmed is not None or _is_s7(connection)
+        return not (answered or line.backward.lost or connection.lacks(False))
 
     def _refuse(
         self, line: _Line, connection: S7Connection, why: str, at: At, code: int = 0
