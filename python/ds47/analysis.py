@@ -430,7 +430,7 @@ class Analysis:
             elif what == "refused":
                 self._refused(about)
             elif what == "nothing":
-                self._tell(about.channel, self._nothing_to_read, about, more)
+                self._nothing_to_read(about, more)
             elif what == "connected":
                 self._judge.connected(about, more)
             elif what == "set_up":
@@ -699,8 +699,9 @@ class Analysis:
             missing = None
         elif missing is not None:
             remark = Remark("DS110", half.frame, missing._asdict())
-        self._diagnoses.nothing_to_read(record, missing)
-        self._findings.add(remark)
+        # The proof may come when much more is missing: that is not before this frame.
+        self._tell(record.channel, self._diagnoses.nothing_to_read, record, missing)
+        self._tell(record.channel, self._findings.add, remark)
 
     def _not_asked(self, record: Record, half: Half) -> Remark:
         """The finding for a Read that found nothing: DS808 if nothing was written since the start-up."""

@@ -292,7 +292,7 @@ function RecordCalls:answered(call)
   if not record then return end
   local status, answered = parse_answers(pdu)
   local events, ours = self.events, self.concerned
-  if pdu.peer == nil then peer_of(pdu, self.stations) end
+  pdu.peer = call.request.peer -- from whatever address the response comes
   while record do
     if ours[record.place.index] then
       local half = answered or without_block(pdu, status, record.place.write)
@@ -340,7 +340,7 @@ function RecordCalls:twice(call, pdu)
   self:_about_call(call, {rule = "DS111", frame = pdu.frame, args = args})
   local reads = pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
   if call.again or reads then -- what that brought the device may have given away
-    tell_each(self, pdu, call.context, "answered_twice")
+    tell_each(self, call.request, call.context, "answered_twice")
   end
 end
 
@@ -357,6 +357,7 @@ function RecordCalls:failed(call, pdu)
   local args = {kind = rpc.PTYPES[pdu.ptype], fault = fault_code(pdu)}
   self:_about_call(call, {rule = "DS104", frame = pdu.frame, args = args})
   if not call.context then self:_goes_on(pdu) end
+  pdu.peer = call.request.peer
   tell_each(self, pdu, call.context, "failed")
 end
 
