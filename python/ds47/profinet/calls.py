@@ -238,7 +238,7 @@ class CallTracker:
         while self._activities:
             activity = self._activities.popitem(last=False)[1]
             for seq, call in activity.calls.items():
-                self._lose(call, told, went_on=seq < activity.numbers.highest)
+                self._lose(call, told, went_on=seq < activity.numbers.highest, ended=True)
         return told
 
     def _request(self, pdu: Pdu, told: list[Became]) -> None:
@@ -474,9 +474,11 @@ class CallTracker:
             for call in self._activities.popitem(last=False)[1].calls.values():
                 _push_out(call, "activities", told)
 
-    def _lose(self, call: RpcCall, told: list[Became], *, went_on: bool) -> None:
+    def _lose(
+        self, call: RpcCall, told: list[Became], *, went_on: bool, ended: bool = False
+    ) -> None:
         if call.request is not None:
-            self._completeness.lost(call.request, went_on=went_on)
+            self._completeness.lost(call.request, went_on=went_on, ended=ended)
         self.counts["unanswered"] += 1
         told.append(("lost", call, None))
 
