@@ -257,10 +257,9 @@ class Analysis:
             self._outcomes,
             self._completeness,
             bounds,
-            self._stations,
             self._vendor,
         )
-        self._calls = CallTracker(bounds, self._completeness)
+        self._calls = CallTracker(bounds, self._completeness, self._stations)
         ports = options.s7.every_port if S7 in options.channels else ()
         self._s7 = LateCommunication(ports, self._made_s7, bounds.s7_memories)
         self._packets = Packets(

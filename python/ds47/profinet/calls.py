@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeVar
 
 from ds47.profinet.completeness import Completeness, Numbers
 from ds47.profinet.rpc import NO_OPERATION, Fragments, GivenUp, Pdu
+from ds47.profinet.stations import Stations
 from ds47.spec.layouts import RPC_CONNECT, RPC_READ, RPC_READ_IMPLICIT
 from ds47.spec.plain import Plain
 from ds47.spec.semantics import Limits
@@ -115,13 +116,19 @@ class CallTracker:
     """Takes PDUs in the order of the capture.
 
     Memory is bounded by `Limits`. A call without a response is lost when it expires or at `finish`, and pushed
-    out when there are too many. `completeness` hears what is missing.
+    out when there are too many. `completeness` hears what is missing, `stations` each whole message that may name one.
     """
 
-    def __init__(self, limits: Limits, completeness: Completeness | None = None) -> None:
+    def __init__(
+        self,
+        limits: Limits,
+        completeness: Completeness | None = None,
+        stations: Stations | None = None,
+    ) -> None:
         self._limits = limits
         self._expiry_ns, self._most = limits.call_expiry_ns, limits.calls
         self._completeness = completeness or Completeness(limits.activities)
+        self._stations = stations or Stations(limits.stations)
         self._early: OrderedDict[_Key, Pdu] = OrderedDict()
         """The newest responses without a request."""
         self._answered: OrderedDict[_Key, RpcCall] = OrderedDict()
@@ -243,6 +250,8 @@ class CallTracker:
 
     def _request(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["requests"] += 1
+        if pdu.opnum == RPC_CONNECT:
+            self._stations.message(pdu)
         activity, seq = self._activities.get((pdu.client, pdu.activity)), pdu.seq
         if activity is None or activity.server is not pdu.server:
             activity = self._activity(pdu, told)
@@ -351,6 +360,8 @@ class CallTracker:
 
     def _response(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["responses"] += 1
+        if pdu.source not in self._stations.known:
+            self._stations.message(pdu)
         activity = self._activities.get((pdu.client, pdu.activity))
         call = None
         if activity is not None and (calls := activity.calls):
