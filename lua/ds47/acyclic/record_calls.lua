@@ -131,19 +131,16 @@ end
 -- @param limit name of the limit that pushed it out: the others may have come later; nil for none
 -- @param call  the call that it answers, if known; nil for none
 function RecordCalls:incomplete(pdu, have, kind, limit, call)
-  local record = self:first_record(pdu) or ours_from(self, call and call.context)
+  local asked = ours_from(self, call and call.context)
+  local record = self:first_record(pdu) or asked
   if not record then return end
+  if asked and (record == asked or not record.write) then record, pdu.peer = asked, call.request.peer end
   if limit then
     self.events:pushed_out(placed(self, pdu), record, limit)
     self.forgot_requests = self.forgot_requests or pdu.ptype == 0
   else
     local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
-    local asked = call and not record.write and call.context
-    if asked then
-      self.events:about(placed(self, pdu), asked, remark)
-    else
-      self.events:remark(placed(self, pdu), record, remark)
-    end
+    self.events[record.write and "remark" or "about"](self.events, placed(self, pdu), record, remark)
   end
 end
 

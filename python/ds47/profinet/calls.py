@@ -116,7 +116,7 @@ class CallTracker:
     """Takes PDUs in the order of the capture.
 
     Memory is bounded by `Limits`. A call without a response is lost when it expires or at `finish`, and pushed
-    out when there are too many. `completeness` hears what is missing, `stations` each whole message that may name one.
+    out when there are too many. `completeness` hears what is missing, `stations` every message that may name one.
     """
 
     def __init__(
