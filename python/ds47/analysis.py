@@ -239,10 +239,9 @@ class Analysis:
         """What is in cyclic frames; None until something sets it up or names it."""
         self._events = RecordEvents(index47, self._pairing, options.codec, self._outcomes)
         self._records = RecordCalls(
-            self._events, self._pairing, self._outcomes, self._completeness, bounds, self._stations,
-            self._vendor,
-        )  # fmt: skip
-        self._calls = CallTracker(bounds, self._completeness)
+            self._events, self._pairing, self._outcomes, self._completeness, bounds, self._vendor
+        )
+        self._calls = CallTracker(bounds, self._completeness, self._stations)
         ports = options.s7.every_port if S7 in options.channels else ()
         self._s7 = LateCommunication(ports, self._made_s7, bounds.s7_memories)
         self._packets = Packets(
@@ -412,7 +411,7 @@ class Analysis:
             elif what == "refused":
                 self._refused(about)
             elif what == "nothing":
-                self._tell(about.channel, self._nothing_to_read, about, more)
+                self._nothing_to_read(about, more)
             elif what == "connected":
                 self._judge.connected(about, more)
             elif what == "set_up":
@@ -681,8 +680,9 @@ class Analysis:
             missing = None
         elif missing is not None:
             remark = Remark("DS110", half.frame, missing._asdict())
-        self._diagnoses.nothing_to_read(record, missing)
-        self._findings.add(remark)
+        # The proof may come when much more is missing: that is not before this frame.
+        self._tell(record.channel, self._diagnoses.nothing_to_read, record, missing)
+        self._tell(record.channel, self._findings.add, remark)
 
     def _not_asked(self, record: Record, half: Half) -> Remark:
         """The finding for a Read that found nothing: DS808 if nothing was written since the start-up."""

@@ -26,7 +26,7 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.batch import settings
 from ds47.capture import CaptureError, Frame, open_capture
 from ds47.capture.scan import ETHERNET, relevant
-from ds47.capture.writer import PcapngWriter
+from ds47.capture.writer import PcapngWriter, nearest
 from ds47.cli import main
 from ds47.model import Report
 from ds47.profibus import dp, telegram
@@ -318,7 +318,7 @@ def other_frames(data: bytes, most: int, seed: int, change: Change) -> bytes:
         for frame in shots:
             if len(made.getbuffer()) + len(frame.data) + 64 > most:
                 break
-            writer.write(frame.time_ns, frame.data, frame.original_length)
+            writer.write(nearest(frame.time_ns), frame.data, frame.original_length)
     return made.getvalue()
 
 

@@ -223,6 +223,17 @@ def test_the_last_call_may_still_get_its_response() -> None:
     assert (found.lacks(CLIENT, SERVER).halves, found.newest(SERVER)) == (0, 11)
 
 
+def test_a_call_that_the_end_leaves_open_is_no_half_of_an_earlier_activity() -> None:
+    found, calls = Completeness(64), [said(0, 1), said(0, 2)]
+    for each in calls:
+        found.began(each, Numbers(each))
+    found.lacks(CLIENT, SERVER).heard = True
+    found.lost(calls[0], went_on=False, ended=True)
+    assert (found.missing_after(PEER, 1), found.newest(SERVER)) == (None, 1)
+    found.lost(calls[0], went_on=True, ended=True)
+    assert found.missing_after(PEER, 1) == Missing("halves")
+
+
 @pytest.mark.parametrize(("frames", "first"), [((5, 9), 6), ((2, 7), 1)])
 def test_the_first_half_of_a_call_is_named(frames: tuple[int, ...], first: int) -> None:
     """Also where it is told last, because a response may still come."""

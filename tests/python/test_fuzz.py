@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import test_lua_analysis as both
 from tests.fuzz import differential, targets
 
 from ds47.capture import open_capture
@@ -30,6 +31,13 @@ def test_every_target_has_inputs_to_begin_with() -> None:
 @pytest.mark.parametrize("path", KEPT, ids=lambda path: f"{path.parent.name}-{path.name}")
 def test_an_input_that_was_kept(path: Path) -> None:
     targets.TARGETS[path.parent.name](path.read_bytes())
+
+
+@pytest.mark.parametrize("version", both.VERSIONS)
+def test_lua_says_the_same_of_the_captures_that_were_kept(version: str, tmp_path: Path) -> None:
+    kept = [path for path in KEPT if path.parent.name == "pairing"]
+    sources = [both.Source(path.name, path.read_bytes(), look=True) for path in kept]
+    both.compare(version, "en", sources, tmp_path)
 
 
 def broken(*_: object, **__: object) -> int:

@@ -261,7 +261,7 @@ class Run:
         outcomes = Outcomes(self.ear)
         self.events = RecordEvents(index47, self.ear, Options(), outcomes)  # type: ignore[arg-type]
         missing = Completeness(limits().activities)
-        self.records = RecordCalls(self.events, self.ear, outcomes, missing, limits(), Stations())  # type: ignore[arg-type]
+        self.records = RecordCalls(self.events, self.ear, outcomes, missing, limits())  # type: ignore[arg-type]
         self.calls = Messages(missing, self)
         self.given_up: list[Became] = []
 

@@ -314,23 +314,33 @@ def test_channels_do_not_mix() -> None:
     assert job.phase == "open"
 
 
-def test_a_lost_read_leaves_its_request_to_the_open_job() -> None:
-    channel = Channel()
-    job = channel.open()
+def sent_read(channel: Channel) -> Record:
     record = channel.record(False)
     record.request = channel.half()
-    assert channel.pairing.read_lost(record) is job
-    assert job.read_request is record.request
-    assert channel.pairing.read_lost(channel.record(False, slot=9)) is None
+    channel.pairing.read_request(record)
+    return record
+
+
+def test_of_the_reads_that_brought_nothing_a_job_has_the_first() -> None:
+    channel = Channel()
+    job = channel.open()
+    first, second = sent_read(channel), sent_read(channel)
+    for each in (second, first):
+        channel.pairing.read_lost(each)
+        assert job.read_request is first.request
+    channel.pairing.read_lost(channel.record(False, slot=9))
 
 
 def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
+    """Nor to one that came before and was not the one that waited."""
     channel = Channel()
-    record = channel.record(False)
-    record.request = channel.half()
+    early = sent_read(channel)
     job = channel.open()
-    assert channel.pairing.read_lost(record) is None
-    assert job.read_request is None
+    late = sent_read(channel)
+    newer = channel.open()
+    for each in (early, late):
+        channel.pairing.read_lost(each)
+    assert (job.read_request, newer.read_request) == (late.request, None)
 
 
 @pytest.mark.parametrize("end", ["release", "expired", "end"])

@@ -884,6 +884,18 @@ def test_a_write_that_was_damaged_may_be_there(spoilt: int) -> None:
     assert told == ["DS110"]
 
 
+def test_a_frame_that_is_damaged_behind_a_read_hides_no_write_before_it() -> None:
+    """Although the Read is told of later: once the answer to the question shows that this is DS47."""
+    wire = running()
+    reading(wire)
+    asking(wire)
+    shots = wire.stage.shots
+    answer = next(n for n, shot in enumerate(shots) if shot.data[-6:-2] == b"\x5f\x00\x2f\x0a")
+    shots[answer] = replace(shots[answer], data=shots[answer].data[:-1] + b"\x00")
+    told = [each.rule for each in result(wire).findings if each.rule in ("DS110", "DS206", "DS808")]
+    assert told == ["DS808"]
+
+
 def test_different_things_are_bounded() -> None:
     judge = LineJudge(Limits(**{**limits().columns(), "bus_remarks": 2}))
     for number, index in enumerate((1, 2, 3, 1)):

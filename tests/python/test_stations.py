@@ -9,9 +9,11 @@ from ds47.lab import wire
 from ds47.lab.client import OK, Client, drive
 from ds47.lab.naming import dcp_identify, lldp
 from ds47.model import Device
+from ds47.profinet.calls import CallTracker
 from ds47.profinet.link import Packet
 from ds47.profinet.rpc import Pdu
 from ds47.profinet.stations import Stations
+from ds47.spec.semantics import limits
 
 DRIVE = drive()
 
@@ -73,6 +75,16 @@ def test_a_station_that_never_spoke_rpc_is_no_device() -> None:
     naming = Stations()
     naming.station(station())
     assert naming.devices() == []
+
+
+def test_whoever_repeats_a_response_is_a_device() -> None:
+    naming, (asked, answered) = Stations(), pdus(lambda client: client.poll())
+    _, again = pdus(lambda client: client.poll())
+    again.source = again.server = "192.168.133.99"
+    again.mark += 1
+    tracker = CallTracker(limits(), stations=naming)
+    assert [len(tracker.take(each)) for each in (asked, answered, again)] == [1, 1, 0]
+    assert [each.ip for each in naming.devices()] == [DRIVE.ip, "192.168.133.99"]
 
 
 def test_devices_stand_in_the_order_of_first_sight() -> None:

@@ -5,6 +5,7 @@
 -- what is finished, in memories of this one result.
 
 local flat = require("ds47.support.flat").copy
+local lose_read = require("ds47.acyclic.pairing").lose_read
 local ms1calls = require("ds47.acyclic.ms1_calls")
 local recordcalls = require("ds47.acyclic.record_calls")
 local records = require("ds47.profinet.records")
@@ -38,8 +39,8 @@ end
 
 function Events:lost(origin, record)
   if record.write or not is_ours(self, origin, record) then return end
-  local twin = self.twins[self.pairing:waits_for(origin.peer, record) or false]
-  if twin and twin.read_request == nil then twin.read_request = record.request end
+  local twin = self.twins[record.job or false]
+  if twin and twin.read_response == nil then lose_read(twin, record.request) end
 end
 
 -- Tells the jobs that are open which of their calls stay as they are; gives the counts of RPC then.
@@ -82,7 +83,7 @@ function M.result(live)
     return halves[pair(peer.controller, peer.device)]
   end)
   local findings = over.findings
-  local events = {index47 = live.index47, pairing = live.pairing, findings = findings, twins = twins}
+  local events = {index47 = live.index47, findings = findings, twins = twins}
   local counts = lose_calls(live, setmetatable(events, Events))
   for _, job in ipairs(jobs) do
     over:conclude(job, job.remarks or live.judge:left_open(job, findings.frames_dropped))

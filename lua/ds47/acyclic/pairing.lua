@@ -1132,23 +1132,15 @@ function Pairing:read_cut_before_status(peer, record)
   end
 end
 
---- The job that waits for a Read that never got its RPC response; nil for none. Changes nothing.
-function Pairing:waits_for(peer, record)
-  local channel, lost = self.channels:get(channel_key(peer, record)), record.request
-  local job = self:expected(peer, record)
-  local asked = job and job:write_request()
-  if not asked or not lost or asked.frame > lost.frame then
-    return nil -- the Read was sent before the Write of this job
-  end
-  if channel.ended_frame > lost.frame then return nil end -- another request was open when the Read was sent
-  return job
+--- A Read that never got its RPC response: its job has the first one that brought nothing.
+function Pairing.read_lost(_, _, record)
+  local job = record.job
+  if job and job.phase ~= "closed" and job.read_response == nil then M.lose_read(job, record.request) end
 end
 
---- A Read that never got its RPC response. Returns the job that waits for it, or nil.
-function Pairing:read_lost(peer, record)
-  local job = self:waits_for(peer, record)
-  if job and job.read_request == nil then job.read_request = record.request end
-  return job
+--- The same for a job, or the copy of one, that has no response.
+function M.lose_read(job, sent)
+  job.read_request = job.read_request or job.fetching and job.fetching[1] or sent
 end
 
 --- The request of a Read whose response was in an earlier frame.

@@ -131,19 +131,16 @@ end
 -- @param limit name of the limit that pushed it out: the others may have come later; nil for none
 -- @param call  the call that it answers, if known; nil for none
 function RecordCalls:incomplete(pdu, have, kind, limit, call)
-  local record = self:first_record(pdu) or ours_from(self, call and call.context)
+  local asked = ours_from(self, call and call.context)
+  local record = self:first_record(pdu) or asked
   if not record then return end
+  if asked and (record == asked or not record.write) then record, pdu.peer = asked, call.request.peer end
   if limit then
     self.events:pushed_out(placed(self, pdu), record, limit)
     self.forgot_requests = self.forgot_requests or pdu.ptype == 0
   else
     local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
-    local asked = call and not record.write and call.context
-    if asked then
-      self.events:about(placed(self, pdu), asked, remark)
-    else
-      self.events:remark(placed(self, pdu), record, remark)
-    end
+    self.events[record.write and "remark" or "about"](self.events, placed(self, pdu), record, remark)
   end
 end
 
@@ -292,7 +289,7 @@ function RecordCalls:answered(call)
   if not record then return end
   local status, answered = parse_answers(pdu)
   local events, ours = self.events, self.concerned
-  if pdu.peer == nil then peer_of(pdu, self.stations) end
+  pdu.peer = call.request.peer -- from whatever address the response comes
   while record do
     if ours[record.place.index] then
       local half = answered or without_block(pdu, status, record.place.write)
@@ -342,7 +339,7 @@ function RecordCalls:twice(call, pdu)
   self:_about_call(call, {rule = "DS111", frame = pdu.frame, args = args})
   local reads = pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
   if call.again or reads then -- what that brought the device may have given away
-    tell_each(self, pdu, call.context, "answered_twice")
+    tell_each(self, call.request, call.context, "answered_twice")
   end
 end
 
@@ -359,6 +356,7 @@ function RecordCalls:failed(call, pdu)
   local args = {kind = rpc.PTYPES[pdu.ptype], fault = fault_code(pdu)}
   self:_about_call(call, {rule = "DS104", frame = pdu.frame, args = args})
   if not call.context then self:_goes_on(pdu) end
+  pdu.peer = call.request.peer
   tell_each(self, pdu, call.context, "failed")
 end
 

@@ -815,20 +815,12 @@ class Pairing:
         if job is not None and asked in job.fetching:
             job.fetching.remove(asked)
 
-    def read_lost(self, record: Record) -> Job | None:
-        """A Read that never got its RPC response."""
-        channel, read = self.channels.get(record.channel), record.request
-        if channel is None or read is None:
-            return None
-        job = channel.open or channel.waiting() or channel.refused
-        asked = job.write_request if job is not None else None
-        if job is None or asked is None or asked.frame > read.frame:
-            return None  # the Read was sent before the Write of this job
-        if channel.ended_frame > read.frame:
-            return None  # another request was open when the Read was sent
-        if job.read_request is None:
-            job.read_request = read
-        return job
+    def read_lost(self, record: Record) -> None:
+        """A Read that never got its RPC response: its job has the first one that brought nothing."""
+        job, read = record.job, record.request
+        if job is None or read is None or job.over or job.read_response is not None:
+            return
+        job.read_request = job.read_request or (job.fetching or [read])[0]
 
     def read_asked_late(self, record: Record, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame."""

@@ -29,7 +29,6 @@ from ds47.profinet.records import (
     released_ar,
     without_block,
 )
-from ds47.profinet.stations import Stations
 from ds47.spec.layouts import (
     RECORD_WRITE_MULTIPLE,
     RPC_CONNECT,
@@ -54,7 +53,6 @@ class RecordCalls:
         outcomes: gets the transport findings, foreign Writes, and what a Connect sets up.
         completeness: hears of calls with an unknown place, because the capture cut them.
         limits: the numbers of spec/limits.toml.
-        stations: learns the names of devices.
         vendor: IP address -> vendor id, for devices whose calls do not say it; None: unknown.
     """
 
@@ -65,12 +63,10 @@ class RecordCalls:
         outcomes: list[Outcome],
         completeness: Completeness,
         limits: Limits,
-        stations: Stations,
         vendor: Callable[[str], int | None] | None = None,
     ) -> None:
         self._who = _who if vendor is None else lambda *about: _named(_who(*about), vendor)
         """The peer, from the addresses and the object UUID, with the vendor of the device."""
-        self._stations = stations
         self._limits = limits
         self._events = events
         self._concerned = events.concerned
@@ -173,7 +169,6 @@ class RecordCalls:
         """The request came after its response, which was already reported as one without a request."""
         pdu = call.request
         assert pdu is not None
-        self._stations.message(answer)
         for alone in self._alone.pop(answer.frame, ()):
             alone.withdrawn = True
         peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
@@ -210,8 +205,6 @@ class RecordCalls:
 
     def _wait(self, pdu: rpc.Pdu) -> None:
         """A request that begins or ends an AR waits for its response; beyond a limit the oldest stops waiting."""
-        if pdu.opnum == RPC_CONNECT:
-            self._stations.message(pdu)
         key = pdu.client, pdu.server
         if key in self._connections:
             self._connection(pdu)  # sent before the one that waits
@@ -243,8 +236,6 @@ class RecordCalls:
     # Responses
 
     def _answered(self, call: RpcCall, pdu: rpc.Pdu) -> None:
-        if pdu.source not in self._stations.known or pdu.opnum == RPC_CONNECT:
-            self._stations.message(pdu)
         if pdu.opnum not in OPERATIONS:
             self._goes_on(pdu)
             if call.opnum == RPC_CONNECT and call.request is not None:
@@ -268,7 +259,6 @@ class RecordCalls:
             self._events.answered(record, pdu.cut)
 
     def _unasked(self, pdu: rpc.Pdu, before: int, *, certain: bool) -> None:
-        self._stations.message(pdu)
         if pdu.opnum not in OPERATIONS:
             self._goes_on(pdu)
             self._connection(pdu)
@@ -293,7 +283,6 @@ class RecordCalls:
             self._events.unasked(record, pdu.cut)
 
     def _twice(self, call: RpcCall, pdu: rpc.Pdu) -> None:
-        self._stations.message(pdu)
         args = {
             "operation": OPERATIONS.get(pdu.opnum, "?"),
             "first": call.response_frame,

@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeVar
 
 from ds47.profinet.completeness import Completeness, Numbers
 from ds47.profinet.rpc import NO_OPERATION, Fragments, GivenUp, Pdu
+from ds47.profinet.stations import Stations
 from ds47.spec.layouts import RPC_CONNECT, RPC_READ, RPC_READ_IMPLICIT
 from ds47.spec.plain import Plain
 from ds47.spec.semantics import Limits
@@ -116,13 +117,19 @@ class CallTracker:
     """Takes PDUs in the order of the capture.
 
     Memory is bounded by `Limits`. A call without a response is lost when it expires or at `finish`, and pushed
-    out when there are too many. `completeness` hears what is missing.
+    out when there are too many. `completeness` hears what is missing, `stations` every message that may name one.
     """
 
-    def __init__(self, limits: Limits, completeness: Completeness | None = None) -> None:
+    def __init__(
+        self,
+        limits: Limits,
+        completeness: Completeness | None = None,
+        stations: Stations | None = None,
+    ) -> None:
         self._limits = limits
         self._expiry_ns, self._most = limits.call_expiry_ns, limits.calls
         self._completeness = completeness or Completeness(limits.activities)
+        self._stations = stations or Stations(limits.stations)
         self._early: OrderedDict[_Key, Pdu] = OrderedDict()
         """The newest responses without a request."""
         self._answered: OrderedDict[_Key, RpcCall] = OrderedDict()
@@ -239,11 +246,13 @@ class CallTracker:
         while self._activities:
             activity = self._activities.popitem(last=False)[1]
             for seq, call in activity.calls.items():
-                self._lose(call, told, went_on=seq < activity.numbers.highest)
+                self._lose(call, told, went_on=seq < activity.numbers.highest, ended=True)
         return told
 
     def _request(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["requests"] += 1
+        if pdu.opnum == RPC_CONNECT:
+            self._stations.message(pdu)
         activity, seq = self._activities.get((pdu.client, pdu.activity)), pdu.seq
         if activity is None or activity.server is not pdu.server:
             activity = self._activity(pdu, told)
@@ -352,6 +361,8 @@ class CallTracker:
 
     def _response(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["responses"] += 1
+        if pdu.source not in self._stations.known:
+            self._stations.message(pdu)
         activity = self._activities.get((pdu.client, pdu.activity))
         call = None
         if activity is not None and (calls := activity.calls):
@@ -478,9 +489,11 @@ class CallTracker:
             for call in self._activities.popitem(last=False)[1].calls.values():
                 _push_out(call, "activities", told)
 
-    def _lose(self, call: RpcCall, told: list[Became], *, went_on: bool) -> None:
+    def _lose(
+        self, call: RpcCall, told: list[Became], *, went_on: bool, ended: bool = False
+    ) -> None:
         if call.request is not None:
-            self._completeness.lost(call.request, went_on=went_on)
+            self._completeness.lost(call.request, went_on=went_on, ended=ended)
         self.counts["unanswered"] += 1
         told.append(("lost", call, None))
 

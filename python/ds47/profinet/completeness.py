@@ -182,7 +182,8 @@ class Pair:
     """What one station has said to another, as client to server."""
 
     __slots__ = (
-        "activities", "disorder", "doubled", "half", "halves", "heard", "lost", "since", "unasked", "unread",
+        "activities", "disorder", "doubled", "half", "halves", "heard", "lost", "since", "unasked", "unended",
+        "unread",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -197,6 +198,8 @@ class Pair:
         """Frames of responses to a missing Read, likewise."""
         self.lost: list[int] = []
         """Frames of calls without their responses; their requests are known."""
+        self.unended: list[int] = []
+        """The same of calls that were the last ones of their activities when the capture ended."""
         self.disorder = 0
         """The newest frame that was sent earlier than a frame before it; 0 for none."""
         self.doubled = False
@@ -247,7 +250,7 @@ class Pair:
     def newest(self) -> int:
         """The newest frame at a possible gap; 0 for none."""
         holes = (each.holes[-1].before for each in self.activities if each.holes)
-        return max([0, *self.lost, *self.unasked, *self.unread, *holes])
+        return max([0, *self.lost, *self.unended, *self.unasked, *self.unread, *holes])
 
 
 def _keep(frames: list[int], frame: int) -> None:
@@ -321,10 +324,10 @@ class Completeness:
         """A response came once more, too late for a copy of a mirror port."""
         self._pair(response.client, response.server).doubled = True
 
-    def lost(self, request: Pdu, *, went_on: bool) -> None:
-        """A call has no response; if its client went on, the capture lacks one half."""
+    def lost(self, request: Pdu, *, went_on: bool, ended: bool = False) -> None:
+        """A call has no response; if its client went on, the capture lacks one half, else maybe only its end."""
         pair = self._pair(request.client, request.server)
-        _keep(pair.lost, request.frame)
+        _keep(pair.unended if ended and not went_on else pair.lost, request.frame)
         if went_on:
             pair.has_half(request.frame)
 
