@@ -158,7 +158,8 @@ def test_a_full_disk_has_a_name(capsys: Captured, captures: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "numbers"), [("failed", [5, 6, 7]), ("not-ok", [5, 6, 7, 8]), ("partial", [7])]
+    ("word", "numbers"),
+    [("failed", [5, 6, 7]), ("outcome-unknown", [8]), ("not-ok", [5, 6, 7, 8]), ("partial", [7])],
 )
 def test_states_in_one_word(
     capsys: Captured, captures: Path, word: str, numbers: list[int]

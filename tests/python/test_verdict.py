@@ -69,7 +69,7 @@ def written(path: Path, frames: list[bytes]) -> Path:
         (
             "tour-machine",
             "NOT OK: 192.168.133.2 writes while its own request is open; 3 more causes; "
-            "3 of 8 transactions failed, 1 has no known outcome",
+            "3 of 8 transactions failed, 1 outcome unknown",
             "1 drive, 8 transactions, 4 ok, 1 partial, 1 error, 1 refused, 1 unanswered",
         ),
     ],

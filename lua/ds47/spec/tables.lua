@@ -1762,7 +1762,7 @@ M.report_words = {
   about_mismatch = {en = "The response does not mirror the request (reference, DO, ID), or has more values than the request asked for.", zh = "应答与请求不对应（请求参考号、DO、ID），或数值多于请求。"},
   about_refused = {en = "The record call itself (Write or Read) ended with a negative STATUS.", zh = "数据记录调用本身（写或读）以否定的 STATUS 结束。"},
   about_unanswered = {en = "The capture has no response to the request.", zh = "抓包中没有该请求的应答。"},
-  about_incomplete = {en = "Part of it is not in the capture: its outcome is not known.", zh = "其中一部分不在抓包中：结果无从得知。"},
+  about_incomplete = {en = "Part of it is not in the capture: outcome unknown.", zh = "其中一部分不在抓包中：结果未知。"},
   about_superseded = {en = "The next request was accepted before the response to this one was fetched.", zh = "在读取本请求的应答之前，下一个请求已被接受。"},
   about_orphan = {en = "A response whose request is not in the capture.", zh = "其请求不在抓包中的应答。"},
   no_known_number = {en = "no error number that is known here", zh = "没有已知的错误号"},
