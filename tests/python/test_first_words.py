@@ -191,7 +191,8 @@ def test_several_codes(capsys: Captured) -> None:
 
 def test_a_parameter_behind_params_is_shown(capsys: Captured) -> None:
     assert run(capsys, "params", "p1120") == run(capsys, "params", "show", "p1120")
-    assert run(capsys, "params", "nonsense")[0] == 2
+    assert run(capsys, "params", "ramp") == run(capsys, "params", "show", "ramp")
+    assert run(capsys, "params", "shwo")[0] == 2
 
 
 def test_parameters_are_offered_where_one_is_missing(capsys: Captured, captures: Path) -> None:

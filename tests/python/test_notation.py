@@ -110,7 +110,7 @@ BAD = [
     ("fly p1", "'fly': a request begins with read, change or a request id such as 0x51"),
     ("read", "no parameter given, for example: read axis 1 p922"),
     ("read p1=Float32:1", "a read takes no values; use change"),
-    ("change p1", "a change needs values, as in p922=Unsigned16:1"),
+    ("change p1", "every parameter of a change needs a value, as in p922=Unsigned16:1"),
     ("read ref x p1", "ref needs a number, not 'x'"),
     ("read p70000", "PNU 70000[0] does not fit 16 bits"),
     ("read ref 300 p1", "reference 300 does not fit a byte"),
@@ -137,7 +137,7 @@ BAD = [
     ("change p1=", "p1 has no value, for example p1=Float32:10.0"),
     (
         "change p1=UINT",
-        "p1: the value behind the format is missing, for example p1=Unsigned16:1",
+        "p1: the value after the format is missing, for example p1=Unsigned16:1",
     ),
     ("change p1=Float31:1", "p1: unknown format 'Float31'; near it: Float32, Float64"),
     ("change p1=DWRD:1", "p1: unknown format 'DWRD'; near it: DWORD, WORD"),

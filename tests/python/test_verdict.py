@@ -67,6 +67,11 @@ def written(path: Path, frames: list[bytes]) -> Path:
             "4 stations of PROFIBUS",
         ),
         (
+            "diagnosis-half-captured-responses",
+            "WARNING: the capture shows only a part",
+            "1 drive, 3 transactions, 3 orphan",
+        ),
+        (
             "tour-machine",
             "NOT OK: 192.168.133.2 writes while its own request is open; 3 more causes; "
             "3 of 8 transactions failed, 1 outcome unknown",

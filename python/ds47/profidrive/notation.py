@@ -132,12 +132,10 @@ def read_request_line(text: str, complete: bool = True) -> RequestLine:
         blocks += [block] if block else []
     if not addresses:
         raise ValueError("no parameter given, for example: read axis 1 p922")
-    if blocks and len(blocks) != len(addresses):
-        raise ValueError("every parameter of a change needs a value, as in p922=Unsigned16:1")
     if request_id is None:
         request_id = 0x02 if blocks else 0x01
-    if request_id == 0x02 and not blocks:
-        raise ValueError("a change needs values, as in p922=Unsigned16:1")
+    if len(blocks) != len(addresses) and (blocks or request_id == 0x02):
+        raise ValueError("every parameter of a change needs a value, as in p922=Unsigned16:1")
     if request_id == 0x01 and blocks:
         raise ValueError("a read takes no values; use change")
     request = build_request(
@@ -292,7 +290,7 @@ def _without_format(match: re.Match[str]) -> str:
     if not text:
         return f"{name} has no value, for example {name}=Float32:10.0"
     if spec.format_named(text):
-        return f"{name}: the value behind the format is missing, for example {name}=Unsigned16:1"
+        return f"{name}: the value after the format is missing, for example {name}=Unsigned16:1"
     row = _known_format(match)
     example = "VisibleString" if text.startswith('"') else row.name if row else "Float32"
     return f"{name}: the format of the value is missing, for example {name}={example}:{text}"
