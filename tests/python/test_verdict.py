@@ -19,7 +19,7 @@ from ds47.report.verdict import VerdictCounts, inventory, verdict
 from ds47.spec import rules
 from ds47.spec.semantics import diagnosis_words
 
-WORKED_OUT = {"device", "drive", "error", "parameter"}
+WORKED_OUT = {"device", "drive", "error", "parameter", "text"}
 """What a sentence may name that is no argument by itself."""
 
 
