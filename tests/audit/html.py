@@ -259,8 +259,23 @@ def _is_told(deal: Deal, parameter: dict[str, Any]) -> bool:
     return deal.state == "partial" and not broken and len(response) > 3 and place < response[3]
 
 
-def _is_value(shown: str, parameter: dict[str, Any], row: dict[str, Any]) -> bool:
+def _on_the_wire(shown: str, form: str | None) -> str | None:
+    """The value of `45.5 (DoubleWord 1110835200)`, in the format in brackets; None where these are other bits."""
+    named = re.fullmatch(rf"(\S+) \({form}(?: (\d+))?\)", shown)
+    if named is None or named[2] is None:
+        return shown if named is None else named[1]
+    size = {"Byte": 1, "Word": 2, "DoubleWord": 4}[form or ""]
+    raw = int(named[2]).to_bytes(size)
+    if not re.fullmatch(r"-?\d+", named[1]):
+        return named[2] if struct.pack(">f", float(named[1])) == raw else None
+    return named[2] if int(named[1]) % 256**size == int(named[2]) else None
+
+
+def _is_value(told: str, parameter: dict[str, Any], row: dict[str, Any]) -> bool:
     values, at = parameter["values"], row["subindex"] - (parameter["subindex"] or 0)
+    shown = _on_the_wire(told, parameter["format"])
+    if shown is None:
+        return False
     if not any(isinstance(each, str) for each in values):
         return at < len(values) and shown in (
             str(values[at]),

@@ -263,11 +263,9 @@ def _verdict(lines: list[str], reading: Reading) -> Iterator[str]:
 def _failures(text: str, deals: list[Deal]) -> Iterator[str]:
     """What the verdict says of transactions that failed, and of those with an unknown outcome."""
     states = Counter(each.state for each in deals)
-    for words, kinds in (
-        ("fail", FAILED),
-        ("ha(s|ve) no known outcome", OPEN),
-    ):
-        text = text.replace("the only transaction", "1 of 1 transactions")
+    text = text.replace("the only transaction", "1 of 1 transactions")
+    text = re.sub("outcome unknown for ([^;,]+)", r"\1 outcome unknown", text)
+    for words, kinds in (("fail", FAILED), ("outcome unknown", OPEN)):
         found = re.search(rf"([\d,]+)(?: of ([\d,]+) transactions)? {words}", text)
         told = 0 if found is None else int(found[1].replace(",", ""))
         true = sum(states[each] for each in kinds)

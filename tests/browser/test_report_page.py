@@ -90,6 +90,11 @@ def test_jobs_are_searched_and_filtered(browser, tour):
     assert len(browser.all(ROWS)) == 8
     choose(browser, JOBS, 0, "problems")
     assert column(browser, JOBS, 1) == ["#3", "#5", "#6", "#7", "#8"]
+    choose(browser, JOBS, 0, "open")
+    assert column(browser, JOBS, 1) == ["#8"]
+    choose(browser, JOBS, 0, "bad")
+    assert column(browser, JOBS, 1) == ["#5", "#6", "#7"]
+    choose(browser, JOBS, 0, "problems")
     choose(browser, JOBS, 1, "read")
     assert column(browser, JOBS, 1) == ["#3", "#7"]
     assert browser.texts(f"{JOBS} .count") == ["1 to 2 of 2 (8 in all)"]

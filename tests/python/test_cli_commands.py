@@ -575,7 +575,7 @@ def test_encode_takes_the_type_of_a_parameter_that_it_knows(capsys):
         ("change axis 2 p2900=10,5", "write p2900=Float32:10.5 for one"),
         ("change axis 2 p1999=10.5", "p1999: the format of the value is missing"),
         ("change axis 2 p922=-1", "p922: -1 does not fit Unsigned16 (0 to 65535)"),
-        ("change axis 2 p2900=REAL", "the value behind the format is missing"),
+        ("change axis 2 p2900=REAL", "the value after the format is missing"),
         ("change axis 2 p2900.description=10.0", "the format of the value is missing"),
         ("change axis 2 p951=1", "the format of the value is missing"),
     ],

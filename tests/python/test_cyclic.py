@@ -174,7 +174,7 @@ def test_a_line_is_a_request(line: str, data: str) -> None:
         ("pkw read p1[0..3]", "PKW carries one value"),
         ("pkw read p1.text", "AK 4 and 15"),
         ("pkw change p1=Float64:1", "has 8 bytes, and PKW takes one, two or four"),
-        ("pkw change p1", "change needs values"),
+        ("pkw change p1", "change needs a value"),
     ],
 )
 def test_a_line_that_is_none(line: str, complaint: str) -> None:

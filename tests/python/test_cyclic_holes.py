@@ -112,7 +112,7 @@ def test_nobody_is_charged_with_frames_that_are_missing(name: str, tmp_path: Pat
 def test_what_is_said_instead() -> None:
     result = analyze(io.BytesIO(without(reads(), LOST["all but the first one behind it"][0])))
     assert verdict(VerdictCounts.of(result)).en == (
-        "WARNING: 1 of 22 transactions has no known outcome; the capture shows only a part"
+        "WARNING: outcome unknown for 1 of 22 transactions; the capture shows only a part"
     )
     (item,) = [each for each in result.transactions if each.state == "incomplete"]
     note, first = words(result)

@@ -140,7 +140,7 @@ SAYS: dict[str, tuple[int, str]] = {
     "connector-as-number-link": (4, "its source p0052 was not accepted: 0x83"),
     "lost-at-power-off": (
         1,
-        "p2900 changed on DO 1 of 192.168.133.33, not saved in this capture; changes: 2, the last in frame 5",
+        "p2900 changed on DO 1 of 192.168.133.33, not saved in this capture; last change in frame 5",
     ),
     "connection-lost": (3, "ended (frame 9)"),
     "connection-lost-restart": (3, "ended (frame 5)"),

@@ -37,7 +37,7 @@ class Said(NamedTuple):
 
 FILES: Final = {
     "record47-position.pcap": Said(
-        ("EMPTY: 164 frames, no parameter transaction", "cannot be shown to be DS47: 82"), ("DS711",)
+        ("EMPTY: 164 frames, no parameter transaction", "nothing shows that they are DS47: 82"), ("DS711",)
     ),
     "acknowledge-without-control.txt": Said(
         ("ignores the acknowledgement in STW1 0xFE", "control by PLC) is 0 (3 times)", "16#047E, then 16#04FE")

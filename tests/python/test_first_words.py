@@ -158,7 +158,8 @@ def test_a_full_disk_has_a_name(capsys: Captured, captures: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "numbers"), [("failed", [5, 6, 7]), ("not-ok", [5, 6, 7, 8]), ("partial", [7])]
+    ("word", "numbers"),
+    [("failed", [5, 6, 7]), ("outcome-unknown", [8]), ("not-ok", [5, 6, 7, 8]), ("partial", [7])],
 )
 def test_states_in_one_word(
     capsys: Captured, captures: Path, word: str, numbers: list[int]
@@ -190,7 +191,8 @@ def test_several_codes(capsys: Captured) -> None:
 
 def test_a_parameter_behind_params_is_shown(capsys: Captured) -> None:
     assert run(capsys, "params", "p1120") == run(capsys, "params", "show", "p1120")
-    assert run(capsys, "params", "nonsense")[0] == 2
+    assert run(capsys, "params", "ramp") == run(capsys, "params", "show", "ramp")
+    assert run(capsys, "params", "shwo")[0] == 2
 
 
 def test_parameters_are_offered_where_one_is_missing(capsys: Captured, captures: Path) -> None:

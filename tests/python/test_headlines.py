@@ -244,6 +244,10 @@ def test_an_advice_is_about_the_error_number_that_was_seen():
         assert advice(single, {"code": 0x23, "asked": asked}, "zh").startswith("0x23，多个参数：")
     assert advice(single, {"code": 0x23, "asked": 1}) == advice(single, {"code": 0x6B, "asked": 2})
     assert "0x23" not in advice(single, {"code": 0x23, "asked": 1}, "zh")
+    write = spec.rules()["DS203"]
+    assert advice(write, {"status": "DF80B100"}) == "0xB1: check LEN of WRREC."
+    assert advice(write, {"status": "DF80B100"}, "zh") == "0xB1：检查 WRREC 的 LEN。"
+    assert advice(write, {"status": "DF80A900"}) == advice(write, {}) == write.advice
     item = spec.rules()["DS908"]
     assert advice(item, {"code": 0x0A}) == "0x0A: load the data block, and check its number."
 

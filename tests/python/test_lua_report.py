@@ -277,12 +277,16 @@ def words(key: str, lang: str, n: int = 0, /, **values: Any) -> str:
 
 @pytest.mark.parametrize("lang", ["en", "zh"])
 def test_the_advice_is_about_what_was_seen(lua: Run, lang: str) -> None:
-    """Of each rule: numbers that its advice names, others, and those of makers without a table."""
+    """Of each rule: numbers and statuses that its advice names, others, and those of makers without a table."""
     found = [
         finding(row.id, 1, None, None, code=code, asked=asked, vendor_id=vendor)
         for row in spec.rules().values() if not row.analyzer_only
         for code in (None, 0x05, 0x11, 0x18, 0x23, 0x6B, 0x84, 0x0811) for asked in (None, 1, 2)
         for vendor in (None, 0x002A, 0x010B, 0x0213, 0x7ABC)
+    ]  # fmt: skip
+    found += [
+        finding(row, 1, None, None, status=status)
+        for row in ("DS201", "DS203") for status in ("DE80B000", "DF80B700", "DF80A900", "C0810100")
     ]  # fmt: skip
     (told,) = lua([job("advice", CaptureResult("-", findings=found), lang=lang)])
     assert told.split("\n") == [advice(spec.rules()[each.rule], each.args, lang) for each in found]
@@ -310,7 +314,7 @@ def test_the_text_of_a_short_capture(lua: Run) -> None:
     (text,) = lua([job("report", result)])
     assert text.startswith(
         "x: 9 frames\n2 transactions: 1 ok, 1 refused\n2 findings: 1 error, 1 note\n\n"
-        "DS203 error write-refused: 1 finding\n  -> Read STATUS of WRREC. "
+        "DS203 error write-refused: 1 finding\n  -> 0xB0: no parameter channel "
     )
     assert "\n  frame 6 #2: Write refused with status DF80B700: write: " in text
     assert text.endswith("\n")

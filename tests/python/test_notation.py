@@ -105,18 +105,18 @@ def test_a_drive_object_may_stand_close_and_first(line: str, plain: str) -> None
 
 BAD = [
     ("DO3", "no parameter given, for example: read axis 1 p922"),
-    ("DOx p1", "'DOx': a line begins with read, change or a request id such as 0x51"),
-    ("", "'': a line begins with read, change or a request id such as 0x51"),
-    ("fly p1", "'fly': a line begins with read, change or a request id such as 0x51"),
+    ("DOx p1", "'DOx': a request begins with read, change or a request id such as 0x51"),
+    ("", "'': a request begins with read, change or a request id such as 0x51"),
+    ("fly p1", "'fly': a request begins with read, change or a request id such as 0x51"),
     ("read", "no parameter given, for example: read axis 1 p922"),
-    ("read p1=Float32:1", "a read has no values; use change"),
-    ("change p1", "a change needs values, as in p922=Unsigned16:1"),
+    ("read p1=Float32:1", "a read takes no values; use change"),
+    ("change p1", "every parameter of a change needs a value, as in p922=Unsigned16:1"),
     ("read ref x p1", "ref needs a number, not 'x'"),
     ("read p70000", "PNU 70000[0] does not fit 16 bits"),
     ("read ref 300 p1", "reference 300 does not fit a byte"),
-    ("read p1.colour", "unknown attribute 'colour'; known ones: value, description, text, 0x80"),
+    ("read p1.colour", "unknown attribute 'colour'. Accepted: value, description, text, 0x80"),
     ("read p945[3..0]", "p945[3..0]: the last index is before the first"),
-    ("read p945[0..3]*4", "p945[0..3]*4 says its number of elements twice"),
+    ("read p945[0..3]*4", "p945[0..3]*4 gives its number of elements twice"),
     ("read p945[0..255]", "elements 256 does not fit a byte"),
     ("change p1[0..2]=UINT:1,2", "p1[0..2] has 3 elements, but 2 values"),
     (
@@ -125,8 +125,8 @@ BAD = [
     ),
     (
         "change p1 := Float32:100.0 s",
-        "'s' is no parameter such as p922, p945[0..3], r2902[2]*4 or p922=Unsigned16:1;"
-        " values have no unit",
+        "'s' is not a parameter such as p922, p945[0..3], r2902[2]*4 or p922=Unsigned16:1;"
+        " write values without a unit",
     ),
     ("change p1120=10", "p1120: the format of the value is missing, for example p1120=Float32:10"),
     ("change p922=1", "p922: the format of the value is missing, for example p922=Unsigned16:1"),
@@ -137,7 +137,7 @@ BAD = [
     ("change p1=", "p1 has no value, for example p1=Float32:10.0"),
     (
         "change p1=UINT",
-        "p1: the value behind the format is missing, for example p1=Unsigned16:1",
+        "p1: the value after the format is missing, for example p1=Unsigned16:1",
     ),
     ("change p1=Float31:1", "p1: unknown format 'Float31'; near it: Float32, Float64"),
     ("change p1=DWRD:1", "p1: unknown format 'DWRD'; near it: DWORD, WORD"),
@@ -148,31 +148,31 @@ BAD = [
         "change p1=TimeOfDayWithoutDate:-1",
         "p1: -1 does not fit TimeOfDayWithoutDate (0 to 4294967295)",
     ),
-    ("change p1=Float32:abc", "p1: abc is no number"),
-    ("change p1=Float32:0x10", "p1: 0x10 is no number"),
+    ("change p1=Float32:abc", "p1: abc is not a number"),
+    ("change p1=Float32:0x10", "p1: 0x10 is not a number"),
     (
         "change p1=Unsigned16:1.5",
-        "p1: 1.5 is no whole number, such as 10, 16#0A, 2#1010 or 0x0A",
+        "p1: 1.5 is not a whole number, such as 10, 16#0A, 2#1010 or 0x0A",
     ),
     (
         "change p1=Unsigned16:16#G",
-        "p1: 16#G is no whole number, such as 10, 16#0A, 2#1010 or 0x0A",
+        "p1: 16#G is not a whole number, such as 10, 16#0A, 2#1010 or 0x0A",
     ),
     (  # a thousand, not 1 and 0
         "change p1=Unsigned16:1,000",
-        "p1: 000 is no whole number, such as 10, 16#0A, 2#1010 or 0x0A",
+        "p1: 000 is not a whole number, such as 10, 16#0A, 2#1010 or 0x0A",
     ),
-    ("change p1=Unsigned16:1,,2", "p1: 1,,2 is no list of values: 1,2 or texts in quotes"),
-    ('change p1=VisibleString:"a"b', 'p1: "a"b is no list of values: 1,2 or texts in quotes'),
+    ("change p1=Unsigned16:1,,2", 'p1: 1,,2 is not a list of values such as 1,2 or "a","b"'),
+    ('change p1=VisibleString:"a"b', 'p1: "a"b is not a list of values such as 1,2 or "a","b"'),
     ("change p1=VisibleString:a,b", "p1: VisibleString is one text: write it in quotes"),
-    (r'change p1=VisibleString:"\x"', r'p1: "\x" has an escape that JSON does not know'),
-    ('change p1=VisibleString:"a', "a quotation mark is open"),
-    ('change p1=VisibleString:"中"', "p1: VisibleString cannot hold '中', it is Latin-1"),
+    (r'change p1=VisibleString:"\x"', r'p1: "\x" has an escape sequence that is not valid in JSON'),
+    ('change p1=VisibleString:"a', "a quotation mark is not closed"),
+    ('change p1=VisibleString:"中"', "p1: VisibleString cannot hold '中', only Latin-1 characters"),
     (
         "change p1=OctetString:0g",
-        "p1: 0g is no hexadecimal number of whole bytes, such as 0a1b",
+        "p1: 0g is not a hexadecimal number of whole bytes, such as 0a1b",
     ),
-    ("change p1=Zero:1", "p1: Zero has no values"),
+    ("change p1=Zero:1", "p1: Zero takes no values"),
 ]
 
 
@@ -215,7 +215,7 @@ def test_a_number_too_large_for_float64_never_becomes_infinite() -> None:
     ],
 )
 def test_what_may_be_a_decimal_comma_is_refused(parameter: str, one: str, several: str) -> None:
-    with pytest.raises(ValueError, match=r"may be one value or [23]: write") as caught:
+    with pytest.raises(ValueError, match=r"can mean one value or [23]: write") as caught:
         parse_request_line(f"change {parameter}")
     count = parameter.count(",") + 1
     assert str(caught.value).endswith(f"write {one} for one, {several} for {count}")
@@ -240,5 +240,5 @@ def test_a_written_list_of_floats_never_looks_like_one_number(numbers: list[floa
 
 
 def test_cut_request_has_no_line() -> None:
-    with pytest.raises(ValueError, match="not whole"):
+    with pytest.raises(ValueError, match="incomplete"):
         format_request_line(decode_request(b"\x01\x01\x01"))

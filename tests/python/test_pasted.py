@@ -140,7 +140,7 @@ def test_what_is_hexadecimal_is_no_list(text: str) -> None:
             "05 01 01 01\n08 01 41 20 00 00",
             "'05', '08' in front of the lines .*: leave offsets out, or",
         ),
-        ("0102 hexa", "'hexa' is no hexadecimal number"),
+        ("0102 hexa", "'hexa' is not a hexadecimal number"),
     ],
 )
 def test_what_is_in_doubt_is_refused(text: str, words: str) -> None:

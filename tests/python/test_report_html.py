@@ -152,8 +152,8 @@ class Elements(HTMLParser):
         (["refused"] * 3 + ["ok"], [], "NOT OK: 3 of 4 transactions failed"),
         (["partial"], ["error"], "NOT OK: Time steps back; the only transaction failed"),
         (["unanswered", "orphan"], [],
-         "WARNING: 1 of 2 transactions has no known outcome"),
-        (["superseded", "ok"], ["note"], "WARNING: 1 of 2 transactions has no known outcome"),
+         "WARNING: outcome unknown for 1 of 2 transactions"),
+        (["superseded", "ok"], ["note"], "WARNING: outcome unknown for 1 of 2 transactions"),
         (["ok"], ["error", "error"], "NOT OK: Time steps back"),
         ([], ["error"], "NOT OK: Time steps back"),
         ([], [], "EMPTY: 1,234 frames, no parameter transaction"),
@@ -224,7 +224,7 @@ def test_one_place_counts_for_tiles_verdict_drives_and_plots():
     )
     text = " ".join("".join(seen.text).split())
     told = "1 partial, 1 refused, 1 unanswered, 1 superseded, 2 orphan"
-    assert "NOT OK: 2 of 8 transactions failed, 2 have no known outcome" in text
+    assert "NOT OK: 2 of 8 transactions failed, 2 outcome unknown" in text
     assert f"2 ok, {told}" in text
     data = seen.data("data-1")
     assert data["totals"] == {
@@ -548,7 +548,7 @@ def test_many_problems_of_one_rule_do_not_hide_the_others():
     findings.append(handmade.finding("DS417", "warning", "read back", 1, 1))
     told = first_screen(problems(capture(*items, findings=findings)))
     assert [each.rule for each in told] == ["DS410"] * 5 + ["DS417"]
-    assert "3 more kinds of problem" in page(capture(*items, findings=findings))
+    assert "3 more problems" in page(capture(*items, findings=findings))
 
 
 # Words

@@ -88,7 +88,7 @@ def test_each_of_several_drives_has_its_times():
 def test_a_change_of_which_nobody_read_the_answer_is_not_ok(captures: Path):
     lines = opening(analyze(captures / "conversation-change-unread.pcapng"))
     assert lines[1:3] == [
-        "WARNING: the only transaction has no known outcome",
+        "WARNING: outcome unknown for the only transaction",
         "  1 drive, 1 transaction, 1 unanswered",
     ]
     shown = lines[lines.index("What this capture cannot show") + 1 :]

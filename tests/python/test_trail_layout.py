@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,6 +13,7 @@ from ds47.analysis import analyze
 from ds47.cli import main
 from ds47.report import ReportOptions, open_writer, write_one
 from ds47.report.changes import Writer
+from ds47.report.formatting import both_sides
 from ds47.report.selection import Selection
 from ds47.report.trail import changes
 from ds47.report.wrap import columns
@@ -41,6 +43,32 @@ def test_where_a_table_has_no_room_each_change_is_a_card(
     assert lines[-1] == "  ? in frames 6, 26: neither read nor written before in this capture"
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "shown"),
+    [
+        ((40.0, "Float32"), (1110835200, "DoubleWord"), ("40.0", "45.5 (DoubleWord 1110835200)")),
+        ((1109393408, "DoubleWord"), (45.5, "Float32"), ("40.0 (DoubleWord 1109393408)", "45.5")),
+        ((-2, "Integer16"), (65535, "Word"), ("-2", "-1 (Word 65535)")),
+        ((2, "Unsigned16"), (3, "Word"), ("2", "3")),
+        ((40.0, "Float32"), (30, "Unsigned16"), ("40.0 (Float32)", "30 (Unsigned16)")),
+        ((40.0, "Float32"), (30, "Word"), ("40.0 (Float32)", "30 (Word)")),
+        ((2, "Unsigned16"), (3, "Unsigned32"), ("2", "3")),
+        ((None, None), (1110835200, "DoubleWord"), ("?", "1110835200")),
+    ],
+)
+def test_both_sides_of_a_change_are_in_one_format(old: Any, new: Any, shown: object) -> None:
+    assert both_sides(*old, *new) == shown
+
+
+def test_the_text_says_what_the_brackets_are(
+    captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for selected, told in ((("-t", "29"), True), (("-t", "24"), False)):
+        assert main(["trail", *selected, str(captures / STACK)]) == 0
+        out = capsys.readouterr().out
+        assert ("45.5 (DoubleWord 1110835200)" in out, "In brackets: " in out) == (told, told)
+
+
 def test_a_value_is_unknown_for_a_reason(captures: Path) -> None:
     for name in ("tour-machine.pcapng", STACK, "cyclic-changed-after-off1.pcapng"):
         for each in changes(analyze(captures / name)):
@@ -55,10 +83,10 @@ def test_the_head_counts_what_came_of_the_writes(
 ) -> None:
     path = str(captures / "tour-machine.pcapng")
     for words, said in (
-        ((), "4 writes: 1 accepted, 2 refused, 1 without a response; first frame"),
+        ((), "4 writes: 1 accepted, 2 refused, 1 outcome unknown; first frame"),
         (("-t", "2"), "1 write: 1 accepted; first frame"),
         (("-t", "1"), "0 writes; first frame"),
-        (("--lang", "zh"), "4 次写入：1 次被接受，2 次被拒绝，1 次未见应答；首帧"),
+        (("--lang", "zh"), "4 次写入：1 次被接受，2 次被拒绝，1 次结果未知；首帧"),
     ):
         assert main(["trail", *words, path]) == ("-t" in words and "1" in words)
         assert said in capsys.readouterr().out.splitlines()[0]

@@ -13,7 +13,7 @@ import pytest
 from ds47.analysis import analyze
 from ds47.cli import main
 from ds47.model import CaptureResult, Parameter
-from ds47.report.formatting import value
+from ds47.report.formatting import both_sides
 from ds47.report.html.views import capture_view
 from ds47.report.html.views import trail as view
 from ds47.report.html.views.rows import packed_rows
@@ -58,9 +58,8 @@ def test_the_page_has_the_trail_of_the_command(
             assert mine[name] == theirs[name]
         assert mine["id"] == theirs["transaction"]
         assert view.OUTCOMES[mine["outcome"]] == theirs["outcome"]
-        old = None if theirs["old_known"] is None else value(theirs["old"], theirs["old_format"])
-        new = None if theirs["new"] is None else value(theirs["new"], theirs["format"])
-        assert (mine["old"], mine["new"]) == (old, new)
+        told = both_sides(theirs["old"], theirs["old_format"], theirs["new"], theirs["format"])
+        assert (mine["old"] or "?", mine["new"] or "?") == told
         frame = {"read": 1, "written": -1, None: 0}[theirs["old_known"]] * (
             theirs["old_frame"] or 0
         )

@@ -19,7 +19,7 @@ from ds47.report.verdict import VerdictCounts, inventory, verdict
 from ds47.spec import rules
 from ds47.spec.semantics import diagnosis_words
 
-WORKED_OUT = {"device", "drive", "error", "parameter"}
+WORKED_OUT = {"device", "drive", "error", "parameter", "text"}
 """What a sentence may name that is no argument by itself."""
 
 
@@ -67,9 +67,14 @@ def written(path: Path, frames: list[bytes]) -> Path:
             "4 stations of PROFIBUS",
         ),
         (
+            "diagnosis-half-captured-responses",
+            "WARNING: the capture shows only a part",
+            "1 drive, 3 transactions, 3 orphan",
+        ),
+        (
             "tour-machine",
             "NOT OK: 192.168.133.2 writes while its own request is open; 3 more causes; "
-            "3 of 8 transactions failed, 1 has no known outcome",
+            "3 of 8 transactions failed, 1 outcome unknown",
             "1 drive, 8 transactions, 4 ok, 1 partial, 1 error, 1 refused, 1 unanswered",
         ),
     ],

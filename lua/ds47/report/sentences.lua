@@ -156,13 +156,15 @@ function M.sentence(finding, lang)
   return text
 end
 
---- What a rule advises: what is about the error number that was seen first, about no other one.
+--- What a rule advises: what is about the error number, or the ErrorCode1 of a STATUS, that was seen first.
 function M.advice(row, args, lang)
   local zh = lang == "zh"
   local text, colon = zh and row.advice_zh or row.advice, zh and "：" or ":"
-  if not args.code then return text end
+  local status = tostring(args.status):match("^D[EF]80(%x%x)%x%x$")
+  local code = status and tonumber(status, 16) or args.code
+  if not code then return text end
   local several = zh and "，多个参数" or ", several parameters" -- of requests of one there is nothing to say
-  local seen, parts, wanted = spec.error_hex(args.code), {}, 0
+  local seen, parts, wanted = spec.error_hex(code), {}, 0
   -- What is about a number begins a line.
   local lines = text:gsub("0x%x%x" .. colon, "\n%0"):gsub("0x%x%x" .. several .. colon, "\n%0")
   for piece in lines:gmatch("[^\n]+") do
@@ -175,8 +177,8 @@ function M.advice(row, args, lang)
       table.insert(parts, wanted, piece)
     end
   end
-  if row.args and row.args.code == "code" and spec.in_manual(args.code, args.vendor_id) then
-    table.insert(parts, 1, spec.manual_of(args.code, args.vendor_id, lang))
+  if row.args and row.args.code == "code" and spec.in_manual(code, args.vendor_id) then
+    table.insert(parts, 1, spec.manual_of(code, args.vendor_id, lang))
   end
   return parts[1] and concat(parts, zh and "" or " ") or text
 end

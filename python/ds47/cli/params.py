@@ -7,6 +7,7 @@ name is known, 2 wrong use, 3 a list that cannot be read.
 from __future__ import annotations
 
 import os
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,13 +29,15 @@ _SHOWN = 12
 
 
 class _Params(Gathered):
-    """`params p1120` is `params show p1120`."""
+    """`params p1120` is `params show p1120`, and so is any word that no command resembles."""
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click; a word that is a parameter is shown."""
-        if args[0] not in self.commands and spelled(args[0]) is not None:
+        """As click; a word that is a parameter, or may be in the name of one, is looked up."""
+        word = args[0]
+        meant = word in self.commands or get_close_matches(word, self.commands)
+        if spelled(word) is not None or not meant:
             args = ["show", *args]
         return super().resolve_command(ctx, args)
 

@@ -16,7 +16,7 @@ from ds47.cli.options import known_rules
 from ds47.model import STATES
 from ds47.profidrive import naming
 from ds47.report.selection import Selection
-from ds47.report.verdict import FAILED
+from ds47.report.verdict import FAILED, OPEN
 from ds47.report.zones import Zone
 from ds47.spec.units import SECOND_NS
 
@@ -38,12 +38,14 @@ class _Number(click.ParamType):  # type: ignore[type-arg]  # no generic before c
         return found.number
 
 
-_FAILED, _NOT_OK = "failed", "not-ok"
+_FAILED, _OPEN, _NOT_OK = "failed", "outcome-unknown", "not-ok"
 
 
 def _states(words: Sequence[str]) -> tuple[str, ...]:
     """The states of these words, each once."""
-    several = {_FAILED: FAILED, _NOT_OK: tuple(each for each in STATES if each != "ok")}
+    several = {
+        _FAILED: FAILED, _OPEN: OPEN, _NOT_OK: tuple(each for each in STATES if each != "ok"),
+    }  # fmt: skip
     return tuple(dict.fromkeys(state for word in words for state in several.get(word, (word,))))
 
 
@@ -73,9 +75,10 @@ _OPTIONS = (
         help="Who asks: IP address or station name of a controller.",
     ),
     click.option(
-        "-s", "--state", "states", multiple=True, type=click.Choice((*STATES, _FAILED, _NOT_OK)), metavar="STATE",
-        help="How it ended: ok, not-ok, failed (refused, error, partial or mismatch), unanswered,"
-        " superseded (response not fetched), incomplete or orphan.",
+        "-s", "--state", "states", multiple=True, metavar="STATE",
+        type=click.Choice((*STATES, _FAILED, _OPEN, _NOT_OK)),
+        help="How it ended: ok, not-ok, failed (refused, error, partial or mismatch), outcome-unknown"
+        " (unanswered, superseded or incomplete), orphan, or one of those in brackets.",
     ),
     click.option(
         "--from", "start", metavar="TIME",

@@ -39,7 +39,7 @@ def make_block(format_code: int, values: Sequence[Value], options: Options = _DE
         ValueError: unknown format, a value that does not fit it, or more than 255 values.
     """
     if not 0 <= format_code <= 0xFF:
-        raise ValueError(f"format {format_code} is no byte")
+        raise ValueError(f"format {format_code} does not fit a byte")
     meaning, found = codecs(options.legacy_g120_formats, options.profile_v3_types)[format_code]
     if found is None:
         raise ValueError(f"format 0x{format_code:02X} cannot carry values: its size is not known")
@@ -49,7 +49,7 @@ def make_block(format_code: int, values: Sequence[Value], options: Options = _DE
         raise ValueError(f"format 0x{format_code:02X}: {problem}") from problem
     count = len(raw) if found.whole else len(values)
     if count > 0xFF:
-        raise ValueError(f"{count} values, a block holds 255")
+        raise ValueError(f"{count} values; a block holds at most 255")
     shown = found.decode(raw, count)
     scaled = found.scale(shown, raw) if found.scale else None
     pad = bytes(len(raw) % 2)
@@ -120,7 +120,7 @@ def build_response(
         response_id: to answer with another id than the request asks for.
 
     Raises:
-        ValueError: the request has no whole header or an id without a known answer, or too many
+        ValueError: the request has an incomplete header or an id without a known answer, or too many
             blocks.
     """
     blocks = list(blocks)
@@ -133,7 +133,7 @@ def build_response(
     count = len(blocks) or request.parameter_count or 0
     reference, axis = request.request_reference, request.axis
     if reference is None or axis is None:
-        raise ValueError("the request has no whole header")
+        raise ValueError("the header of the request is incomplete")
     _check_byte(response_id=response_id, parameters=count)
     answer = spec.response_ids().get(response_id)
     if answer and answer.body == "none":

@@ -87,20 +87,20 @@ def _integer(value: Value) -> int:
             raise ValueError
         return int(value, 0) if isinstance(value, str) else int(value)
     except ValueError:
-        raise ValueError(f"{value} is no whole number") from None
+        raise ValueError(f"{value} is not a whole number") from None
 
 
 def _real(value: Value) -> float:
     """A number, or a word for one that is not finite.
 
     Raises:
-        ValueError: it is no number.
+        ValueError: it is not a number.
         OverflowError: it is beyond any double; `float` would make it infinite.
     """
     try:
         number = float(value)
     except ValueError:
-        raise ValueError(f"{value} is no number") from None
+        raise ValueError(f"{value} is not a number") from None
     if isinstance(value, str) and math.isinf(number) and "inf" not in value.lower():
         raise OverflowError
     return number
@@ -171,11 +171,13 @@ def _text(row: spec.Format, size: int) -> Codec:
             parts = [str(value).encode("latin-1") for value in values]
         except UnicodeEncodeError as problem:
             character = problem.object[problem.start]
-            raise ValueError(f"{row.name} cannot hold {character!r}, it is Latin-1") from None
+            raise ValueError(
+                f"{row.name} cannot hold {character!r}, only Latin-1 characters"
+            ) from None
         if row.whole:
             return b"".join(parts)
         if any(len(part) > size for part in parts):
-            raise ValueError(f"{row.name} holds {size} characters")
+            raise ValueError(f"{row.name} holds at most {size} characters")
         return b"".join(part.ljust(size) for part in parts)
 
     return Codec(size, decode, encode, whole=row.whole)
@@ -185,7 +187,9 @@ def _bytes(value: Value) -> bytes:
     try:
         return bytes.fromhex(str(value))
     except ValueError:
-        raise ValueError(f"{value} is no hexadecimal number of whole bytes, such as 0a1b") from None
+        raise ValueError(
+            f"{value} is not a hexadecimal number of whole bytes, such as 0a1b"
+        ) from None
 
 
 def _octets(row: spec.Format, size: int) -> Codec:
@@ -197,7 +201,7 @@ def _octets(row: spec.Format, size: int) -> Codec:
     def encode(values: Sequence[Value]) -> bytes:
         parts = [_bytes(value) for value in values]
         if not row.whole and any(len(part) != size for part in parts):
-            raise ValueError(f"{row.name} is {size} bytes as hexadecimal digits")
+            raise ValueError(f"{row.name} needs {size} bytes as hexadecimal digits")
         return b"".join(parts)
 
     return Codec(size, decode, encode, whole=row.whole)
@@ -274,7 +278,7 @@ def _show_date(raw: bytes) -> Value:
 def _zero(row: spec.Format, size: int) -> Codec:
     def encode(values: Sequence[Value]) -> bytes:
         if values:
-            raise ValueError(f"{row.name} has no values")
+            raise ValueError(f"{row.name} takes no values")
         return b""
 
     return Codec(size, lambda _raw, _count: [], encode)

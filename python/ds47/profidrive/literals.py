@@ -60,12 +60,12 @@ def values(code: int, text: str) -> list[Value]:
     Whole numbers may have a base (`16#10`, `2#1010`, `0x10`); a string in quotes has JSON's escapes.
 
     Raises:
-        ValueError: it is no list, or a text that is one string has several.
+        ValueError: it is not a list, or has several texts where the format is one text.
     """
     if not text:
         return []
     if not _LIST.fullmatch(text):
-        raise ValueError(f"{text} is no list of values: 1,2 or texts in quotes")
+        raise ValueError(f'{text} is not a list of values such as 1,2 or "a","b"')
     row = spec.formats().get(code)
     words = _ITEM.findall(text)
     if row is not None and row.kind == "text" and row.whole and len(words) > 1:
@@ -79,7 +79,7 @@ def _value(word: str, whole: bool) -> Value:
         try:
             return str(json.loads(word))
         except ValueError:
-            raise ValueError(f"{word} has an escape that JSON does not know") from None
+            raise ValueError(f"{word} has an escape sequence that is not valid in JSON") from None
     if not whole:
         return word
     based = _BASED.fullmatch(word)
@@ -90,7 +90,9 @@ def _value(word: str, whole: bool) -> Value:
             raise ValueError
         return int(word, 0)
     except ValueError:
-        raise ValueError(f"{word} is no whole number, such as 10, 16#0A, 2#1010 or 0x0A") from None
+        raise ValueError(
+            f"{word} is not a whole number, such as 10, 16#0A, 2#1010 or 0x0A"
+        ) from None
 
 
 def as_one_number(code: int, text: str) -> list[str]:

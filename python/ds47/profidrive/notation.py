@@ -69,7 +69,7 @@ def _hex_token(token: str) -> bytes:
     if prefix is None and digits[-1:] in ("h", "H"):
         digits = digits[:-1]
     if not re.fullmatch(r"[0-9A-Fa-f]+", digits):
-        raise ValueError(f"{token!r} is no hexadecimal number")
+        raise ValueError(f"{token!r} is not a hexadecimal number")
     width = _WIDTH.get((prefix.group(1) or "").upper(), 0) if prefix else 0
     if len(digits) % 2 and (prefix or len(digits) == 1):
         digits = "0" + digits
@@ -132,14 +132,12 @@ def read_request_line(text: str, complete: bool = True) -> RequestLine:
         blocks += [block] if block else []
     if not addresses:
         raise ValueError("no parameter given, for example: read axis 1 p922")
-    if blocks and len(blocks) != len(addresses):
-        raise ValueError("every parameter of a change needs a value, as in p922=Unsigned16:1")
     if request_id is None:
         request_id = 0x02 if blocks else 0x01
-    if request_id == 0x02 and not blocks:
-        raise ValueError("a change needs values, as in p922=Unsigned16:1")
+    if len(blocks) != len(addresses) and (blocks or request_id == 0x02):
+        raise ValueError("every parameter of a change needs a value, as in p922=Unsigned16:1")
     if request_id == 0x01 and blocks:
-        raise ValueError("a read has no values; use change")
+        raise ValueError("a read takes no values; use change")
     request = build_request(
         request_id, addresses, blocks, reference=fields.get("ref", 1), axis=fields.get("axis", 1)
     )
@@ -183,7 +181,7 @@ def format_request_line(request: Request, family: str | None = None) -> str:
         or not whole
         or (blocks and len(blocks) != len(request.addresses))
     ):
-        raise ValueError("the request is not whole")
+        raise ValueError("the request is incomplete")
     names = {code: name for name, code in reversed(_OPERATIONS.items())}
     operation = names.get(request.request_id or 0, f"0x{request.request_id:02X}")
     parts = [operation, f"ref {request.request_reference}", f"axis {request.axis}"]
@@ -197,7 +195,9 @@ def _request_id(word: str) -> int:
     if known is not None:
         return known
     if not re.fullmatch(r"0x[0-9a-fA-F]{1,2}", word):
-        raise ValueError(f"{word!r}: a line begins with read, change or a request id such as 0x51")
+        raise ValueError(
+            f"{word!r}: a request begins with read, change or a request id such as 0x51"
+        )
     return int(word, 16)
 
 
@@ -216,7 +216,7 @@ def _tokens(text: str) -> list[str]:
         parts[at] = _REPORTED.sub(_plainly, separated)
     line = "".join(parts)
     if '"' in _TOKEN.sub("", line):
-        raise ValueError("a quotation mark is open")
+        raise ValueError("a quotation mark is not closed")
     return _TOKEN.findall(line)
 
 
@@ -237,8 +237,8 @@ def _parameter(token: str) -> tuple[Address, Block | None]:
     match = _PARAMETER.fullmatch(token)
     if not match:
         raise ValueError(
-            f"{token!r} is no parameter such as p922, p945[0..3], r2902[2]*4 or p922=Unsigned16:1;"
-            " values have no unit"
+            f"{token!r} is not a parameter such as p922, p945[0..3], r2902[2]*4 or p922=Unsigned16:1;"
+            " write values without a unit"
         )
     part = match.groupdict()
     if part["early"] and part["late"]:
@@ -264,7 +264,7 @@ def _stated(match: re.Match[str]) -> int | None:
     if not match["last"]:
         return int(match["count"]) if match["count"] else None
     if match["count"]:
-        raise ValueError(f"{_name(match)} says its number of elements twice")
+        raise ValueError(f"{_name(match)} gives its number of elements twice")
     count = int(match["last"]) - int(match["first"]) + 1
     if count < 1:
         raise ValueError(f"{_name(match)}: the last index is before the first")
@@ -290,7 +290,7 @@ def _without_format(match: re.Match[str]) -> str:
     if not text:
         return f"{name} has no value, for example {name}=Float32:10.0"
     if spec.format_named(text):
-        return f"{name}: the value behind the format is missing, for example {name}=Unsigned16:1"
+        return f"{name}: the value after the format is missing, for example {name}=Unsigned16:1"
     row = _known_format(match)
     example = "VisibleString" if text.startswith('"') else row.name if row else "Float32"
     return f"{name}: the format of the value is missing, for example {name}={example}:{text}"
@@ -308,7 +308,7 @@ def _refuse_comma(match: re.Match[str], code: int, text: str) -> None:
     one = " or ".join(f"{bare}{index}={form}:{number}" for number in meant)
     several = f"{bare}[{first}..{first + count - 1}]={form}:{text}"
     raise ValueError(
-        f"{text} may be one value or {count}: write {one} for one, {several} for {count}"
+        f"{text} can mean one value or {count}: write {one} for one, {several} for {count}"
     )
 
 
@@ -318,7 +318,7 @@ def _attribute(name: str) -> int:
             return known.code
     if not re.fullmatch(r"0x[0-9a-fA-F]{1,2}", name):
         names = ", ".join(known.name for known in spec.attributes().values())
-        raise ValueError(f"unknown attribute {name!r}; known ones: {names}, 0x80")
+        raise ValueError(f"unknown attribute {name!r}. Accepted: {names}, 0x80")
     return int(name, 16)
 
 

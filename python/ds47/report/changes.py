@@ -15,7 +15,7 @@ from ds47.report import ReportOptions
 from ds47.report.bilingual import joined, say
 from ds47.report.clock import Clock
 from ds47.report.csv import Lines, guarded
-from ds47.report.formatting import escape
+from ds47.report.formatting import both_sides, escape
 from ds47.report.formatting import value as value_text
 from ds47.report.json import timestamp
 from ds47.report.parameters import plain
@@ -157,6 +157,18 @@ def lines(
         more = ", ..." if len(frames) > _FRAMES else ""
         about = say(f"trail_why_{why}", n=len(frames), frames=", ".join(frames[:_FRAMES]) + more)
         yield from fitted("  " + about.text(lang), width)
+    if any(_differ(each) for each in found):
+        yield from fitted("  " + say("trail_formats").text(lang), width)
+
+
+def _differ(row: dict[str, Any]) -> bool:
+    """Whether the format of a side of a change is shown."""
+    plain_sides = value_text(row["old"], row["old_format"]), value_text(row["new"], row["format"])
+    known = row["old"] is not None and row["new"] is not None
+    return (
+        known
+        and both_sides(row["old"], row["old_format"], row["new"], row["format"]) != plain_sides
+    )
 
 
 _FRAMES = 8
@@ -185,9 +197,7 @@ def _times(row: dict[str, Any], clock: Clock) -> list[str]:
 def _texts(row: dict[str, Any], options: ReportOptions) -> list[str]:
     lang = options.lang
     who, device = row["controller_station"] or row["controller"], row["station"] or row["device"]
-    unknown = say("trail_unknown").text(lang)
-    old = unknown if row["old_known"] is None else value_text(row["old"], row["old_format"])
-    new = unknown if row["new"] is None else value_text(row["new"], row["format"])
+    old, new = both_sides(row["old"], row["old_format"], row["new"], row["format"])
     outcome = say(f"trail_{row['outcome']}").text(lang)
     if row["error"] is not None:
         outcome += f" 0x{row['error']:02X}"

@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 from ds47.model import Parameter, ParameterError, Value
+from ds47.profidrive.formats import codec
 from ds47.profidrive.naming import spelling
 from ds47.report import descriptions, is_text
 from ds47.report import values as meanings
@@ -18,6 +19,7 @@ from ds47.report.escaping import escape as escape
 from ds47.report.escaping import quoted
 from ds47.report.sentences import error_words
 from ds47.report.sentences import name as parameter_name
+from ds47.spec import format_named
 
 VALUES_SHOWN = 8
 """A longer list of values is cut, and its length given."""
@@ -53,6 +55,43 @@ def value(item: Value, format_name: str | None) -> str:
     if isinstance(item, str):
         return quoted(item) if is_text(format_name) else escape(item)
     return str(item)
+
+
+def both_sides(
+    old: Value | None, old_format: str | None, new: Value | None, new_format: str | None
+) -> tuple[str, str]:
+    """A value before and after a change, in one format where that can be: `40.0`, `45.5 (DoubleWord 1110835200)`.
+
+    A bit string is shown as the other side reads its bits. Between a floating-point number and another format of
+    its own, both formats are named. A side that is not known is `?`.
+    """
+    given = ((old, old_format), (new, new_format))
+    sides = ["?" if each is None else value(each, of) for each, of in given]
+    if old is None or new is None or not old_format or not new_format or old_format == new_format:
+        return sides[0], sides[1]
+    for at, bits, of, other in ((1, new, new_format, old_format), (0, old, old_format, new_format)):
+        same = _read_as(bits, of, other)
+        if same is not None:
+            shown = value(same, other)
+            sides[at] = shown if shown == sides[at] else f"{shown} ({of} {sides[at]})"
+            return sides[0], sides[1]
+    if isinstance(old, float) is not isinstance(new, float):
+        return f"{sides[0]} ({old_format})", f"{sides[1]} ({new_format})"
+    return sides[0], sides[1]
+
+
+_BIT_STRINGS = ("Byte", "Word", "DoubleWord")
+
+
+def _read_as(bits: Value, of: str, other: str) -> Value | None:
+    """A bit string in a format with a type; None where it is not one, or has another length."""
+    rows = format_named(of), format_named(other)
+    if of not in _BIT_STRINGS or other in _BIT_STRINGS or None in rows:
+        return None
+    here, there = (codec(row.code) for row in rows if row is not None)
+    if here is None or there is None or here.size != there.size or there.whole:
+        return None
+    return there.decode(here.encode([bits]), 1)[0]
 
 
 def values(

@@ -32,6 +32,7 @@ _OF_ERROR: Final = re.compile(
 """The start of a part of an advice that is about one error number."""
 _SEVERAL: Final = (", several parameters", "，多个参数")
 """What follows the number if the part is only about requests with several parameters."""
+_OF_ACCESS: Final = re.compile("D[EF]80([0-9A-F]{2})[0-9A-F]{2}")
 _FRAMES: Final = ("frame", "frames")
 _KEYS: Final = ("key", "clause")
 """Types of arguments that are keys of diagnoses.toml; a clause is not always there."""
@@ -127,7 +128,7 @@ def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
 def advice(
     row: RuleText, args: Mapping[str, Any], lang: str = "en", said: Collection[str] = ()
 ) -> str:
-    """What a rule advises. Of the parts about error numbers only the one for the number seen is kept.
+    """What a rule advises. Of the parts about error numbers, or codes of a STATUS, only the one seen is kept.
 
     Parts that were `said` already (`advice_parts`) are left out.
     """
@@ -138,7 +139,7 @@ def advice(
 def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> list[str]:
     """The parts of `advice`, first the one about the error number. A key may have an advice of its own."""
     what = _which(args) if "area" in args else args.get("what")
-    known, code = diagnosis_words(lang), args.get("code")
+    known, code = diagnosis_words(lang), _code(args)
     own = known.get(f"advice_{what}") or known.get(f"advice_{args.get('case')}")
     text = own or (row.advice_zh if lang == "zh" else row.advice)
     if code is None:
@@ -152,6 +153,12 @@ def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> li
     if of_ds47 and in_manual(code, args.get("vendor_id")):
         wanted.insert(0, manual_of(code, args["vendor_id"], lang))
     return wanted or parts
+
+
+def _code(args: Mapping[str, Any]) -> int | None:
+    """The error number that was seen; of a STATUS about a record access its ErrorCode1."""
+    status = _OF_ACCESS.fullmatch(args.get("status") or "")
+    return int(status[1], 16) if status else args.get("code")
 
 
 def _which(args: Mapping[str, Any]) -> str:

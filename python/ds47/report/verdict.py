@@ -231,7 +231,7 @@ def verdict(counts: VerdictCounts) -> Both:
     if counts.failed or (counts.open and counts.level != "good"):
         parts += _failures(counts)
     cut = None if counts.jobs else _undecoded(counts.cut)
-    if cut or not parts:
+    if cut or not (parts or counts.in_part):
         there = None if counts.level == "none" else inventory(counts)
         parts.insert(0, cut or there or _nothing(counts))
     if counts.in_part and not cut:

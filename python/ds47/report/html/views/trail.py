@@ -14,7 +14,7 @@ from ds47.model import CaptureResult
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import spelling
 from ds47.report.changes import way
-from ds47.report.formatting import value
+from ds47.report.formatting import both_sides
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
 from ds47.report.targets import Targets
@@ -76,12 +76,16 @@ class TrailView:
     def _row(self, change: WrittenChange) -> list[Any]:
         item, parameter = change.transaction, change.parameter
         name, reason = _name(about(parameter), parameter.scaled is None), _reason(change)
+        known = change.old
+        old, new = both_sides(
+            known and known.value, known and known.format, change.new, parameter.format
+        )
         return [
             item.id, self._position("objects", self._object(change)), self._position("ways", way(change)),
             change.pnu, change.subindex, self._position("names", name),
-            None if change.old is None else value(change.old.value, change.old.format),
+            None if change.old is None else old,
             _from(change.old),
-            None if change.new is None else value(change.new, parameter.format),
+            None if change.new is None else new,
             OUTCOMES.index(change.outcome),
             None if reason is None else self._position("reasons", reason),
         ]  # fmt: skip

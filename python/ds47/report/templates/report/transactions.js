@@ -18,8 +18,8 @@ function transactionTable(place, capture) {
     ],
     filters: [
       {
-        words: "outcome", choices: () => [["", say("all")], ["problems", say("problems")], ...present(capture, "state", capture.states)],
-        fits: (row, value) => (value === "problems" ? capture.state(row) !== "ok" || get(row, "findings").length > 0 : capture.state(row) === value),
+        words: "outcome", choices: () => [["", say("all")], ["problems", say("problems")], ...stateGroups(capture), ...present(capture, "state", capture.states)],
+        fits: (row, value) => (value === "problems" ? capture.state(row) !== "ok" || get(row, "findings").length > 0 : [capture.state(row), capture.kinds[capture.state(row)]].includes(value)),
       },
       { words: "operation", choices: () => [["", say("all")], ...present(capture, "operation", capture.operations)], fits: (row, value) => capture.operation(row) === value },
       { words: "drive", choices: () => [["", say("all")], ...places(capture)], fits: (row, value) => String(get(row, "object")) === value },
@@ -40,6 +40,12 @@ function timeColumn(capture, start) {
 /** The name of a state with what it means. */
 function stateCell(state) {
   return el("span", { class: `state ${state}`, title: say(`about_${state}`) }, stateName(state));
+}
+
+/** States under one name, as the verdict counts them. */
+function stateGroups(capture) {
+  const there = new Set(capture.rows.map((row) => capture.kinds[capture.state(row)]));
+  return [["bad", stateName("failed")], ["open", stateName("open")]].filter(([kind]) => there.has(kind));
 }
 
 function present(capture, field, names) {
