@@ -160,8 +160,8 @@ end
 function M.advice(row, args, lang)
   local zh = lang == "zh"
   local text, colon = zh and row.advice_zh or row.advice, zh and "：" or ":"
-  local status = tostring(args.status):match("^D[EF]80(%x%x)%x%x$")
-  local code = status and tonumber(status, 16) or args.code
+  local refused = tostring(args.status):match("^D[EF]80(%x%x)%x%x$")
+  local code = refused and tonumber(refused, 16) or args.code
   if not code then return text end
   local several = zh and "，多个参数" or ", several parameters" -- of requests of one there is nothing to say
   local seen, parts, wanted = spec.error_hex(code), {}, 0
