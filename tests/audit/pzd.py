@@ -233,7 +233,9 @@ def _after(looks: Sequence[Look], span_ns: float, bit: int, value: int) -> Itera
         yield f"it is {since[-1].time_ns - since[0].time_ns} ns later"
     if bit != 7 and any(each.heeded >> bit & 1 != value for each in since):
         yield "it is no longer in force"
-    if any(each.stw1 is None or each.zsw1 is None for each in since):
+    known = [None not in (each.stw1, each.zsw1) for each in looks]
+    heard = known.index(True) if True in known else 0  # a hole may be before that
+    if not all(known[max(given[-1], heard) :]):
         yield "data was not valid in between"
     # Where frames are out of order, what is behind the command in the file may have come before it.
     while len(since) > 1 and since[1].time_ns < since[0].time_ns:
