@@ -74,6 +74,8 @@ ALIKE = {
 """How complaints begin of what is true of the whole as well."""
 _NEGATIVE = 0x80
 """Response IDs from here on say that something failed."""
+UNSUPPORTED = 0x80
+"""The response ID of a drive that does not know the request ID."""
 SHORTLY = 4
 """Frames around one that is lost alone."""
 
@@ -328,9 +330,11 @@ def _given_away(whole: Whole, deal: Deal, origin: list[int]) -> bool:
 
 
 def _fits_wholly(deal: Deal) -> bool:
-    """Whether a response has the number of parameters, too."""
+    """Whether a response has the number of parameters, too; behind response ID 0x80 no number is documented."""
     answer = deal.answer
-    return deal.fits and answer is not None and answer.data[3:4] == bytes([deal.parameters_asked])
+    if answer is None or not deal.fits:
+        return False
+    return answer.id == UNSUPPORTED or answer.data[3:4] == bytes([deal.parameters_asked])
 
 
 def _values(plain: dict[str, Any]) -> tuple[object, ...]:

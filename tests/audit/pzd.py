@@ -70,11 +70,15 @@ class Drive:
             default=len(reading.capture.frames) + 1,
         )
         """The frame in which another one takes its place, which need not be proven."""
+        self.far = False
+        """Whether a word behind STW1 or ZSW1 is no number of a traversing task: these end at 63."""
         self.looks: list[Look] = list(self._read(reading))
 
     @property
     def is_speed(self) -> bool:
-        return not {7, 9, 111, 112} & set(self.relation["telegrams"])
+        """Whether these words are speeds: by the telegrams, or where none is known by what they say."""
+        known = set(self.relation["telegrams"])
+        return not {7, 9, 111, 112} & known if known else self.far
 
     def _read(self, reading: Reading) -> Iterator[Look]:
         words: dict[bool, bytes | None] = {True: None, False: None}
@@ -87,6 +91,7 @@ class Drive:
         for part, sent in sorted(sides, key=lambda each: each[0].frame):
             if self.relation["frame"] < part.frame < self.ends:
                 words[sent] = part.data if part.good else None
+                self.far |= part.good and int.from_bytes(part.data[2:4]) & 0x7FFF > 63
                 out, in_ = words[True], words[False]
                 if out is not None:
                     stw1 = int.from_bytes(out[:2])
@@ -228,7 +233,9 @@ def _after(looks: Sequence[Look], span_ns: float, bit: int, value: int) -> Itera
         yield f"it is {since[-1].time_ns - since[0].time_ns} ns later"
     if bit != 7 and any(each.heeded >> bit & 1 != value for each in since):
         yield "it is no longer in force"
-    if any(each.stw1 is None or each.zsw1 is None for each in since):
+    known = [None not in (each.stw1, each.zsw1) for each in looks]
+    heard = known.index(True) if True in known else 0  # a hole may be before that
+    if not all(known[max(given[-1], heard) :]):
         yield "data was not valid in between"
     # Where frames are out of order, what is behind the command in the file may have come before it.
     while len(since) > 1 and since[1].time_ns < since[0].time_ns:

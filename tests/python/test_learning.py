@@ -57,6 +57,12 @@ def read(client: Client, reference: int = 2, axis: int = 2) -> None:
     )
 
 
+def rival(stage: Stage) -> Client:
+    """Another controller, with an AR of its own."""
+    channel = wire.RecordId(UUID(int=7 << 64))
+    return Client(stage, host=controller(2), channel=channel, activity=UUID(int=9))
+
+
 def file_of(stage: Stage, path: Path) -> Path:
     with PcapngWriter(path, link_type=stage.link) as writer:
         for shot in stage.shots:
@@ -108,20 +114,27 @@ def test_the_response_counts_and_not_when_a_request_is_over(
     stage: Stage, told: Callable[[], list[str]]
 ) -> None:
     one = Client(stage)
-    other = Client(
-        stage, host=controller(2), channel=wire.RecordId(UUID(int=7 << 64)), activity=UUID(int=9)
-    )
+    other = rival(stage)
     read(other)  # is open until the end: nothing more is asked there
     describe(one)
     assert told() == ["p1999[0] = 1000"]
 
 
+def test_nor_when_its_ar_proves_itself(stage: Stage, told: Callable[[], list[str]]) -> None:
+    one, other = Client(stage), rival(stage)
+    unknown = bytes((1, 0x7F)) + message.read(1, 2, RAMP)[2:]
+    other.exchange(unknown, message.answer(1, 0x80, 2, message.error(0x21)))
+    describe(one)
+    read(other)
+    first, second = told()
+    assert NAMED not in first
+    assert NAMED in second
+
+
 def test_without_a_response_it_counts_what_was_said_up_to_the_end(
     stage: Stage, told: Callable[[], list[str]]
 ) -> None:
-    other = Client(
-        stage, host=controller(2), channel=wire.RecordId(UUID(int=7 << 64)), activity=UUID(int=9)
-    )
+    other = rival(stage)
     other.write(message.change(1, 2, (RAMP, message.word(100))))
     describe(Client(stage))
     assert told() == [f"p1999[0] {NAMED} := 100 (1.0 s)"]

@@ -801,6 +801,19 @@ def test_behind_a_pause_that_stands_out_nothing_is_a_repetition() -> None:
     assert found(wire, "DS803") == []
 
 
+@pytest.mark.parametrize("copied", [False, True])
+def test_nor_is_it_behind_more_repetitions_than_are_kept(copied: bool) -> None:
+    wire = running()
+    for wait in (0, 0.2):
+        for _ in range(MOST_FRAMES + 1):
+            wire.ask(STATION, "00" * 12)
+            wire.wait(wait)
+            wait = 0
+            wire.repeat()
+            wire.tell(STATION, "00" * 12)
+    assert station(twice(wire) if copied else wire).retries == 2 * MOST_FRAMES + 1
+
+
 def test_nor_is_it_where_each_frame_stands_there_twice() -> None:
     wire = running()
     wire.ask(STATION, "00" * 12)

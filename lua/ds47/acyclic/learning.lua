@@ -30,12 +30,13 @@ end
 
 --- Notes on a job what the drive has said so far about its parameters: `job.meanings`, by their number; nil
 -- if it has said nothing. Called with the request, with the response, and when a job is over without one.
-function M.ask(dictionary, job)
+-- @param last  what was said behind this frame does not count; nil: all does
+function M.ask(dictionary, job, last)
   if dictionary.is_empty or job.message == nil then return end
   local access, peer, found = drive_objects.access(job), job.peer, {}
   for number, address in ipairs(job.message.addresses) do
     if address.attribute == VALUE then
-      local meaning, is_said = dictionary:meaning(access, address.pnu, peer.vendor_id, nil, peer.family)
+      local meaning, is_said = dictionary:meaning(access, address.pnu, peer.vendor_id, last, peer.family)
       found[number] = is_said and meaning or nil
     end
   end
@@ -43,6 +44,7 @@ function M.ask(dictionary, job)
 end
 
 --- A job has its response: learns its descriptions, then looks its parameters up.
+-- If its AR proves itself late, descriptions from behind its response are known already.
 function M.answered(dictionary, job)
   local request = job.message
   if request and request.operation == "read" and has_description(request.addresses) and is_believed(job) then
@@ -55,7 +57,7 @@ function M.answered(dictionary, job)
       end
     end
   end
-  M.ask(dictionary, job)
+  M.ask(dictionary, job, job.read_response and job.read_response.frame)
 end
 
 return M

@@ -22,19 +22,23 @@ _BROKEN: Final = frozenset(("DS309", "DS313", "DS315"))
 
 
 def answered(dictionary: Dictionary, job: Job) -> None:
-    """A job has its response: learns its descriptions, then looks its parameters up."""
+    """A job has its response: learns its descriptions, then looks its parameters up.
+
+    If its AR proves itself late, descriptions from behind its response are known already.
+    """
+    half = job.read_response
     if job.message is not None and job.message.describes and job.message.operation == "read":
         _learn(dictionary, job, job.message)
-    ask(dictionary, job)
+    ask(dictionary, job, None if half is None else half.frame)
 
 
-def ask(dictionary: Dictionary, job: Job) -> None:
-    """Notes on a job what the drive has said so far about its parameters."""
+def ask(dictionary: Dictionary, job: Job, until: int | None = None) -> None:
+    """Notes on a job what the drive has said about its parameters, so far or up to the frame `until`."""
     if dictionary.is_empty or job.message is None:
         return
     access, peer = access_of(job), job.peer
     found = [
-        dictionary.meaning(access, each.pnu, peer.vendor_id, family=peer.family)
+        dictionary.meaning(access, each.pnu, peer.vendor_id, until, peer.family)
         if each.attribute == VALUE
         else None
         for each in job.message.addresses

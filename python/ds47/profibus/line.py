@@ -45,6 +45,8 @@ class Exchange:
     """and how many there are."""
     again: bool
     """Whether it repeats the exchange before: the master has no answer to that."""
+    paused: int
+    """Which of its repetitions stands behind the longest pause until then, and so may be none; 0 for none."""
     hole: int
     """The newest request to its station before which an exchange was not seen: it has the FCB of the one that was,
     and does not repeat that; 0 for none."""
@@ -73,6 +75,7 @@ class Exchange:
         self.retries = []
         self.retried = 0
         self.again = again
+        self.paused = 0
         self.hole = 0
         self.silent = silent
         self.damaged = 0
@@ -231,6 +234,8 @@ class Line:
         ):
             over.passed, over.due, over.gone_ns = False, True, None
             over.retried += 1
+            if seen.frame == self._behind:
+                over.paused = seen.frame
             if over.retried <= MOST_RETRIES:
                 over.retries.append(seen)
             return ()
@@ -241,6 +246,8 @@ class Line:
             return (Exchange(seen, silent=True),)
         again = front.fcv == 1 and self._last is not None and self._last.data == item.data
         exchange = Exchange(seen, again)
+        if again and seen.frame == self._behind:
+            exchange.paused = seen.frame
         self._count(seen, again)
         exchange.hole = self._holes.get(_asked(seen), 0)
         self._last = item

@@ -33,10 +33,10 @@ class Counted:
         self.count += count
 
     def leave_out(self, frame: int) -> None:
-        """It may not have happened there."""
+        """It may not have happened there; of more than are kept, the frame is not among them."""
+        self.count -= 1
         if frame in self.frames:
             self.frames.remove(frame)
-            self.count -= 1
 
 
 @dataclass(slots=True, eq=False)
@@ -111,7 +111,9 @@ class LineStation:
     damaged: Counted = field(default_factory=Counted)
     """damaged frames in the place of answers, of which those are none,"""
     retries: Counted = field(default_factory=Counted)
-    """and requests that repeat another one."""
+    """and requests that repeat another one,"""
+    paused: int = 0
+    """of them the newest behind what was the longest pause until then."""
     copies: int = 0
     """How many repetitions are left where each frame stands there twice,"""
     copied: int = 0
@@ -147,11 +149,16 @@ class LineStation:
         """Whether its Set_Prm or Chk_Cfg in a frame is surely the newest one."""
         return frame is not None and service not in self.unsure and self.hole <= frame
 
-    def settle(self, copied: bool) -> None:
-        """Whether the recording has each frame twice is known, once nothing more comes."""
+    def settle(self, copied: bool, paused: int) -> None:
+        """Once nothing more comes, it is known whether the recording has each frame twice, and the longest pause.
+
+        `paused` is a request that may stand behind a hole, and then is no retry.
+        """
         if copied:
             self.retries.count = self.copies
             self.damaged.count -= self.copied
+        if paused and paused == self.paused:
+            self.retries.leave_out(paused)
 
     def result(self, timed: bool) -> BusStation:
         """The station in the form of the report, with times if `timed`."""
@@ -214,10 +221,9 @@ class LineStations:
         return [self._stations[address] for address in sorted(self._stations)]
 
     def finish(self, paused: int) -> None:
-        """No frame comes any more; `paused` is a request that may stand behind a hole, and then is no retry."""
+        """No frame comes any more; `paused` is the request behind the one long pause, 0 for none."""
         for station in self.all():
-            station.settle(self.copied)
-            station.retries.leave_out(paused)
+            station.settle(self.copied, paused)
 
     def result(self, stray: int, echoes: int, timed: bool) -> Bus | None:
         """The line in the form of the report; None without frames.
@@ -327,6 +333,7 @@ def _count(station: LineStation, exchange: Exchange) -> None:
             station.retries.add(each.frame)
         station.retries.count += exchange.retried - len(exchange.retries)
     station.copies += exchange.retried // 2 + exchange.again
+    station.paused = exchange.paused or station.paused
     if exchange.damaged:
         station.damaged.add(exchange.damaged, exchange.spoiled)
         station.copied += exchange.copied
