@@ -22,9 +22,9 @@ from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profidrive.drive_objects import LOCAL, DriveObjects, access_of
 from ds47.regression.compare import compare
 from ds47.regression.config import Config
-from ds47.report import contract, csv, formatting, load
+from ds47.report import contract, csv, formatting, load, write_all
 from ds47.report import json as report_json
-from ds47.report.text import write as write_text
+from ds47.report.text import Writer as TextWriter
 
 CAPTURE = Path(__file__).resolve().parents[2] / "captures/format-described.pcapng"
 RAMP = message.address(1999)
@@ -196,7 +196,7 @@ def test_a_name_cannot_talk_to_the_terminal_or_the_page(
     read(client)
     assert told() == [r'p1999[0] ("=<b>\"\xad\\") = 1000 (10.0 s)'.replace("\\\\", "\\")]
     stream = io.StringIO()
-    csv.write(Report([analyze(tmp_path / "x.pcapng")]), stream)
+    write_all(csv.Writer(stream), Report([analyze(tmp_path / "x.pcapng")]))
     assert "'=<b>" in stream.getvalue()
 
 
@@ -220,10 +220,10 @@ def test_every_format_names_the_same() -> None:
         ("Ramp-down time", None), ("Ramp-down time", "s"),
     ]  # fmt: skip
     stream = io.StringIO()
-    write_text(Report([result]), stream)
+    write_all(TextWriter(stream), Report([result]))
     assert f"p1120[0] {NAMED} = 1000 (10.0 s)" in stream.getvalue()
     stream = io.StringIO()
-    csv.write(Report([result]), stream)
+    write_all(csv.Writer(stream), Report([result]))
     assert stream.getvalue().count("Ramp-up time,s,Unsigned16,1,1000,10.0") == 1
 
 

@@ -28,7 +28,7 @@ from ds47.model import (
     Read,
     Report,
 )
-from ds47.report import csv, formatting, json, ndjson, text
+from ds47.report import csv, formatting, json, ndjson, text, write_all
 from ds47.report.latency import Latency, percentile
 
 VALIDATOR = jsonschema.Draft202012Validator(report.schema())
@@ -101,7 +101,10 @@ def hard_capture():
 
 def written(module, item, **options):
     stream = io.StringIO()
-    module.write(Report([item] if isinstance(item, CaptureResult) else item), stream, **options)
+    write_all(
+        module.Writer(stream, **options),
+        Report([item] if isinstance(item, CaptureResult) else item),
+    )
     return stream.getvalue()
 
 

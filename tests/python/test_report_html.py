@@ -36,7 +36,7 @@ from ds47.model import (
 )
 from ds47.regression import difference_page
 from ds47.regression.config import ConfigError, load
-from ds47.report import ReportOptions, causes, html, sentences
+from ds47.report import ReportOptions, causes, html, sentences, write_all
 from ds47.report.bilingual import Both
 from ds47.report.html import embed, messages, texts
 from ds47.report.html.verdict import quality
@@ -102,7 +102,7 @@ def capture(*transactions, findings=(), **changes):
 
 def page(*results, lang="en"):
     stream = io.StringIO()
-    html.write(Report(list(results)), stream, ReportOptions(lang=lang))
+    write_all(html.Writer(stream, ReportOptions(lang=lang)), Report(list(results)))
     return stream.getvalue()
 
 

@@ -18,7 +18,7 @@ from ds47.analysis import analyze
 from ds47.cli import main
 from ds47.diagnosis.suggest import corrected
 from ds47.model import CaptureResult, Device, Finding, Frames, Report
-from ds47.report import ReportOptions, bilingual, plc, text
+from ds47.report import ReportOptions, bilingual, plc, text, write_all
 from ds47.report.filters import display_filter
 from ds47.report.todo import More, causes, uncovered
 from ds47.report.wrap import columns, wrap
@@ -39,7 +39,9 @@ def capture(*transactions, findings=(), diagnoses=(), **changes):
 
 def written(*captures, **options):
     stream = io.StringIO()
-    text.write(Report(list(captures)), stream, ReportOptions(rules=spec.rules(), **options))
+    write_all(
+        text.Writer(stream, ReportOptions(rules=spec.rules(), **options)), Report(list(captures))
+    )
     return stream.getvalue()
 
 

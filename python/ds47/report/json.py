@@ -26,7 +26,7 @@ from ds47.model import (
     Transaction,
     Value,
 )
-from ds47.report import SCHEMA, ReportOptions, contract, write_all
+from ds47.report import SCHEMA, ReportOptions, contract
 from ds47.report import Writer as _Writer
 from ds47.report import values as meanings
 from ds47.report.bilingual import Both
@@ -207,11 +207,6 @@ def _without_empty(plain: dict[str, Any]) -> dict[str, Any]:
 def document(report: Report) -> dict[str, Any]:
     """The whole report as plain dictionaries: what `write` writes, before it is text."""
     return _head() | {"captures": [capture(each) for each in report.captures]}
-
-
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report as one JSON text."""
-    write_all(Writer(stream, options), report)
 
 
 class Writer(_Writer):

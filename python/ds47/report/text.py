@@ -68,11 +68,6 @@ WORST_LISTED, CAUSES_LISTED = 6, 4
 _SERIOUS_STATES = ("error", "mismatch", "refused")
 
 
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report."""
-    write_all(Writer(stream, options), report)
-
-
 class Writer(_Writer):
     """Prints a capture when it is complete; keeps only counts for the last lines."""
 
@@ -136,7 +131,7 @@ class Writer(_Writer):
                 self._copied(line)
             return
         whole = StringIO()
-        write(Report([result]), whole, self.options._replace(detail="auto"))
+        write_all(Writer(whole, self.options._replace(detail="auto")), Report([result]))
         digest = Digest.of(result, self.options, CAUSES, counts)
         lines = [*whole.getvalue().splitlines(), *form.verdict(digest)]
         if len(lines) > LINES or max(map(columns, lines)) > self.options.columns:
