@@ -35,6 +35,7 @@ from ds47.profidrive import Options
 from ds47.report import contract, load
 from ds47.report import json as report
 from ds47.report.bilingual import LANGUAGES
+from ds47.report.contract import FINDING, TRANSACTION
 from ds47.report.sentences import error_words, sentence
 from ds47.spec import units
 from ds47.spec.semantics import limits, reasons
@@ -660,12 +661,12 @@ def test_lists_of_the_user_count(ready: Callable[..., Engine]) -> None:
     for name in ("conversation-partial-read", "tour-machine"):
         path = CAPTURES / f"{name}.pcapng"
         native = analyze(path, options)
-        wanted = [report.transaction(each) for each in native.transactions]
+        wanted = [TRANSACTION.plain(each) for each in native.transactions]
         assert any("Speed now" in str(each) or "stalled" in str(each) for each in wanted)
         for kind in ("tshark", "both"):
             found = ready(kind, options).analyze(path)
             assert "DS601" not in {each.rule for each in found.findings}
-            assert [report.transaction(each) for each in found.transactions] == wanted
+            assert [TRANSACTION.plain(each) for each in found.transactions] == wanted
 
 
 def test_settings_of_the_user_do_not_count(
@@ -727,12 +728,12 @@ def test_rebuilding_is_the_reverse_of_the_report(path: Path) -> None:
     vendors = {each.ip: each.vendor_id for each in result.devices}
     for transaction in result.transactions:
         vendor_id = vendors.get(transaction.device)
-        rebuilt = load.transaction(report.transaction(transaction), vendor_id)
+        rebuilt = load.transaction(TRANSACTION.plain(transaction), vendor_id)
         assert rebuilt == replace(transaction, position=0)
-        rebuilt = load.transaction(report.transaction(transaction, "zh"), vendor_id)
+        rebuilt = load.transaction(TRANSACTION.plain(transaction, "zh"), vendor_id)
         assert rebuilt == replace(transaction, position=0)
     for finding in result.findings:
-        assert load.finding(report.finding(finding)) == finding
+        assert load.finding(FINDING.plain(finding)) == finding
 
 
 def test_a_text_that_is_not_of_this_version_stays() -> None:

@@ -17,7 +17,6 @@ from ds47.report.clock import Clock
 from ds47.report.csv import Lines, guarded
 from ds47.report.formatting import escape
 from ds47.report.formatting import value as value_text
-from ds47.report.json import timestamp
 from ds47.report.parameters import plain
 from ds47.report.selection import Selection, Wanted
 from ds47.report.table import table
@@ -25,7 +24,7 @@ from ds47.report.targets import Targets, slot
 from ds47.report.trail import WrittenChange, changes
 from ds47.report.wrap import fitted
 from ds47.spec.semantics import known
-from ds47.spec.units import nanoseconds
+from ds47.spec.units import nanoseconds, timestamp
 
 FORMATS = ("text", "csv", "json")
 SCHEMA = "ds47.trail/1"

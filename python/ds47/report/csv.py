@@ -72,9 +72,6 @@ class Writer(Table):
     streams: ClassVar[bool] = True
     header: ClassVar[Sequence[str]] = COLUMNS
 
-    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
-        super().__init__(stream, options)
-
     def whole(self, result: CaptureResult) -> None:
         Telegrams.tell(result)
 

@@ -14,9 +14,9 @@ from ds47.model import CaptureResult, Value
 from ds47.profidrive.drive_objects import Identity
 from ds47.report import is_text
 from ds47.report.csv import Cell, Table, guarded
-from ds47.report.json import timestamp
 from ds47.report.targets import Targets
 from ds47.report.trail import TrailCell, trail
+from ds47.spec.units import timestamp
 
 COLUMNS = (
     "path", "device", "station", "target", "drive_object", "pnu", "subindex", "name", "unit", "value", "format",
