@@ -110,6 +110,14 @@ def _misfit(value: Value, row: spec.Format, low: Value, high: Value) -> ValueErr
     return ValueError(f"{value} does not fit {row.name} ({low} to {high})")
 
 
+def _integers(values: Sequence[Value], row: spec.Format, low: int, high: int) -> list[int]:
+    numbers = [_integer(value) for value in values]
+    for number in numbers:
+        if not low <= number <= high:
+            raise _misfit(number, row, low, high)
+    return numbers
+
+
 def _number(row: spec.Format, size: int) -> Codec:
     letter = row.pack
     one = struct.Struct(">" + letter)
@@ -121,11 +129,7 @@ def _number(row: spec.Format, size: int) -> Codec:
         return [number_value(n) for n in numbers] if size == 8 else list(numbers)
 
     def encode(values: Sequence[Value]) -> bytes:
-        numbers = [_integer(value) for value in values]
-        for number in numbers:
-            if not low <= number <= high:
-                raise _misfit(number, row, low, high)
-        return b"".join(one.pack(number) for number in numbers)
+        return b"".join(one.pack(number) for number in _integers(values, row, low, high))
 
     if row.divide is None:
         return Codec(size, decode, encode, unpack=one.unpack if size < 8 else None)
@@ -225,10 +229,7 @@ def _raw_integer(show: Callable[[bytes], Value]) -> Callable[[spec.Format, int],
             return [number_value(int.from_bytes(part, "big")) for part in parts]
 
         def encode(values: Sequence[Value]) -> bytes:
-            numbers = [_integer(value) for value in values]
-            for number in numbers:
-                if not 0 <= number <= high:
-                    raise _misfit(number, row, 0, high)
+            numbers = _integers(values, row, 0, high)
             return b"".join(number.to_bytes(size, "big") for number in numbers)
 
         def scale(_values: Sequence[Value], raw: bytes) -> list[Value]:
