@@ -127,7 +127,7 @@ def with_points(value: Any) -> Any:
 
 def finding(rule: str, frame: int, job: int | None, offset: int | None, /, **args: Any) -> Finding:
     """A finding of a rule, as serious as the rule is."""
-    return Finding(rule, spec.rules()[rule].severity, frame, None, job, offset, args)
+    return Finding(rule, spec.rules()[rule].severity, frame, [frame], job, offset, args)
 
 
 def job(kind: str, result: CaptureResult, **options: Any) -> dict[str, Any]:

@@ -426,7 +426,7 @@ def test_diagnoses_come_first_then_errors_then_warnings_and_notes_last():
 
 def finding(rule, severity, frame, transaction=None, offset=None, /, **args):
     """A finding as the analysis makes it: with arguments and without words."""
-    return Finding(rule, severity, frame, None, transaction, offset, args)
+    return Finding(rule, severity, frame, [frame], transaction, offset, args)
 
 
 RUNNING = {"pnu": 76, "subindex": 1, "code": 0x6B, "vendor_id": 0x2A}

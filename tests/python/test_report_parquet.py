@@ -21,6 +21,7 @@ from ds47.analysis import analyze
 from ds47.model import CaptureResult, Parameter, ParameterError, Report, Transaction
 from ds47.report import CannotWriteError, ReportOptions, csv, ndjson, parquet, write_all
 from ds47.report import json as contract
+from ds47.spec.units import timestamp
 
 TABLE = report.schema("table-1")
 
@@ -84,7 +85,7 @@ def rows(arrow: Any, captures: list[CaptureResult]) -> list[dict[str, Any]]:
     read = table(arrow, captures)
     numbers = read.column("start").cast("int64").to_pylist()
     return [
-        row | {"start": None if ns is None else contract.timestamp(ns)}
+        row | {"start": None if ns is None else timestamp(ns)}
         for row, ns in zip(read.to_pylist(), numbers, strict=True)
     ]
 
