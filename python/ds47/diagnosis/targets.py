@@ -34,12 +34,9 @@ class Target(NamedTuple):
 
 def target_of(record: Record, axis: int | None) -> Target:
     """Whom a request addresses."""
-    return target(record.slot, record.subslot, record.index, axis)
-
-
-def target(slot: int, subslot: int, index: int, axis: int | None) -> Target:
-    """The same, of a place and an axis byte."""
-    return Target(True, slot, subslot) if index == LOCAL else Target(False, axis or 0)
+    if record.index == LOCAL:
+        return Target(True, record.slot, record.subslot)
+    return Target(False, axis or 0)
 
 
 def reach_of(channel: ChannelKey, axis: int | None) -> Reach:
