@@ -173,16 +173,6 @@ class Telegram:
         """The SAP at the source."""
         return self.front.ssap
 
-    @property
-    def slave(self) -> tuple[int | None, int | None]:
-        """Station and SAP of the side that answers."""
-        return (self.da, self.dsap) if self.request else (self.sa, self.ssap)
-
-    @property
-    def master(self) -> tuple[int | None, int | None]:
-        """Station and SAP of the side that asks."""
-        return (self.sa, self.ssap) if self.request else (self.da, self.dsap)
-
 
 def check_byte(content: bytes) -> int:
     """The check byte of the content of a frame, DA to the last byte of data."""

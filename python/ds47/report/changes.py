@@ -26,7 +26,6 @@ from ds47.report.wrap import fitted
 from ds47.spec.semantics import known
 from ds47.spec.units import nanoseconds, timestamp
 
-FORMATS = ("text", "csv", "json")
 SCHEMA = "ds47.trail/1"
 COLUMNS = (
     "path", "time", "frame", "transaction", "controller", "controller_station", "device", "station", "target",
@@ -91,7 +90,7 @@ def way(change: WrittenChange) -> str:
 
 
 class Writer:
-    """Writes the changes of captures in one of FORMATS."""
+    """Writes the changes of captures as "text", "csv" or "json"."""
 
     def __init__(self, stream: TextIO, format_name: str, options: ReportOptions) -> None:
         self._stream, self._format, self._options = stream, format_name, options
