@@ -135,7 +135,11 @@ def _of_word(
 ) -> Iterator[CodeMeaning]:
     """A number of two bytes."""
     value = reading.value
-    errors = [*_wide_errors(value, kind, lang, vendor), *_s7_error(reading, kind, lang)]
+    ours = any(
+        value in each.errors for each in spec.vendors()
+    )  # beyond a byte only a vendor has errors
+    errors = list(_errors(value, lang, vendor)) if kind == "error" or (not kind and ours) else []
+    errors += _s7_error(reading, kind, lang)
     yield from errors
     returned = list(_returned(value, lang)) if kind is None else []
     yield from returned
@@ -475,15 +479,6 @@ def _errors(value: int, lang: str, vendor: Maker | None) -> Iterator[CodeMeaning
         yield _error(value, text, maker.name, lang, whose, whole_range=row.last is not None)
     if not makers and value not in spec.errors():
         yield _error(value, spec.error_text(value, lang, _NOBODY), None, lang, vendor)
-
-
-def _wide_errors(
-    value: int, kind: str | None, lang: str, vendor: Maker | None
-) -> Iterator[CodeMeaning]:
-    """An error number beyond a byte: of the vendors that have it; of anyone's only where asked for one."""
-    known = any(value in each.errors for each in spec.vendors())
-    if kind == "error" or (kind is None and known):
-        yield from _errors(value, lang, vendor)
 
 
 def _s7_error(reading: forms.Reading, kind: str | None, lang: str) -> Iterator[CodeMeaning]:

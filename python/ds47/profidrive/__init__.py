@@ -5,15 +5,7 @@ and encoder. `build` makes messages, `notation` reads hexadecimal text and reada
 """
 
 from ds47.profidrive.build import build_request, error_block, make_block
-from ds47.profidrive.model import (
-    Address,
-    Block,
-    Flaw,
-    Options,
-    Request,
-    Response,
-    Value,
-)
+from ds47.profidrive.model import Address, Block, Flaw, Options, Request, Response, Value
 from ds47.profidrive.parameter import (
     decode_request,
     decode_response,

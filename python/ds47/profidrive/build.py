@@ -5,15 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Sequence
 
-from ds47.profidrive.model import (
-    ERROR,
-    Address,
-    Block,
-    ErrorValue,
-    Options,
-    Request,
-    Value,
-)
+from ds47.profidrive.model import ERROR, Address, Block, ErrorValue, Options, Request, Value
 from ds47.profidrive.parameter import codecs
 
 _DEFAULTS = Options()

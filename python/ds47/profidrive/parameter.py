@@ -229,12 +229,8 @@ def _sign(response: Response) -> None:
     """Bit 7 of the response id does not say whether an error is inside (A.2)."""
     if response.failed:
         response.flaws.append(Flaw("DS411", 1, {}))
-    elif response.blocks and not _broken(response.flaws):
+    elif response.blocks and not any(flaw.rule in ("DS309", "DS315") for flaw in response.flaws):
         response.flaws.append(Flaw("DS412", 1, {}))
-
-
-def _broken(flaws: list[Flaw]) -> bool:
-    return any(flaw.rule in ("DS309", "DS315") for flaw in flaws)
 
 
 @cache
@@ -383,11 +379,8 @@ class _Body:
 
     def _left_over(self) -> None:
         self.rest = self._data[self.offset :]
-        rule = "DS314" if self._only_zeros() else "DS313"
+        rule = "DS313" if any(self.rest) else "DS314"
         self.flaws.append(Flaw(rule, self.offset, {"count": len(self.rest)}))
-
-    def _only_zeros(self) -> bool:
-        return not any(self._data[self.offset :])
 
     def _block(self) -> bool:
         """Decodes one block; False if decoding cannot go on after it."""

@@ -92,15 +92,13 @@ class Opening:
             time = times.get(each.device.ip) if len(drives) > 1 else None
             about = [] if each.telegram is None else [each.telegram.text(self._lang)]
             about += self._of_objects(objects.get(each.device.ip, {}))
-            texts.append((f"  {each.transactions.text(self._lang)}{self._time(time)}", about))
+            took = f"  {time.brief(self._lang)}" if time else ""
+            texts.append((f"  {each.transactions.text(self._lang)}{took}", about))
         devices = [each.device for each in drives]
         yield from self._devices("drives_head", "more_drives", devices, texts)
         yield from self._devices(
             "other_devices_head", "more_devices", others, [("", [])] * len(others)
         )
-
-    def _time(self, latency: Latency | None) -> str:
-        return f"  {latency.brief(self._lang)}" if latency else ""
 
     def _of_objects(self, times: dict[int, Latency]) -> list[str]:
         """`DO 1: p50 1.6 ms, max 252.2 ms; DO 2: ...`; nothing of a single drive object."""

@@ -327,14 +327,14 @@ class Writer(_Writer):
         self._section(self._say("relations_head"))
         for each in relations[:RELATIONS_LISTED]:
             numbers = ", ".join(map(str, each.telegrams))
-            out, in_ = each.output.frame_id, each.input.frame_id
+            out, in_, ms = each.output.frame_id, each.input.frame_id, each.cycle_ms
             self._line("  " + self._say(
                 "relation_ppo" if out is None else "relation",
                 where=_where(each), channel=each.channel.upper(),
                 telegram=self._say("relation_telegram", numbers=numbers) if numbers else "",
                 output=f"{out or 0:04X}", output_at=each.output.offset,
                 input=f"{in_ or 0:04X}", input_at=each.input.offset,
-                cycle=self._cycle(each.cycle_ms),
+                cycle=self._say("relation_cycle", cycle=duration(round(ms * 1_000_000))) if ms is not None else "",
                 certainty=self._say(_certainty(each)),
             ))  # fmt: skip
             self._words_of(each)
@@ -372,11 +372,6 @@ class Writer(_Writer):
             row = telegrams()[relation.telegrams[0]]
             both = {"output": ", ".join(row.out), "input": ", ".join(row.inward)}
             self._line("    " + self._say("relation_words", number=str(row.number), **both))
-
-    def _cycle(self, milliseconds: float | None) -> str:
-        if milliseconds is None:
-            return ""
-        return self._say("relation_cycle", cycle=duration(round(milliseconds * 1_000_000)))
 
     def _timelines(self, result: CaptureResult) -> None:
         """What happened to each drive, a line for each word and frame."""
@@ -645,7 +640,7 @@ def _traffic(result: CaptureResult) -> Both | None:
     """What a capture without transactions has instead, as proof that it was read."""
     calls = [
         say("record_index", index=index, kind=say(f"statistics_{kind}"), number=str(number))
-        for index, kinds in sorted(result.records.items(), key=_by_number)
+        for index, kinds in sorted(result.records.items(), key=lambda each: (len(each[0]), each[0]))
         for kind, number in kinds.items()
         if number
     ]
@@ -660,10 +655,6 @@ def _traffic(result: CaptureResult) -> Both | None:
         calls[6:] = [say("more", number=str(len(calls) - 6))]
     shown = Both.same("RPC").joined(joined(rpc), ": ", "：")
     return shown.joined(say("record_calls", calls=joined(calls)), zh="", en="") if calls else shown
-
-
-def _by_number(item: tuple[str, object]) -> tuple[int, str]:
-    return len(item[0]), item[0]
 
 
 def _serious_first(group: list[Finding]) -> tuple[int, str]:

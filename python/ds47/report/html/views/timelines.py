@@ -212,7 +212,11 @@ class _Canvas:
             for each in result.transactions
             if each.device == relation.device and each.channel != S7
         ]
-        self.s7 = [each for each in result.transactions if _is_beside(each, relation)]
+        self.s7 = [
+            each
+            for each in result.transactions
+            if each.channel == S7 and relation.controller in (each.controller, each.device)
+        ]
         """Jobs of S7 that the drive's controller asks for, or that others ask of it."""
         self.marked = s7.marked(result) if self.s7 else {}
         self.before = _values_before(self.jobs)
@@ -281,17 +285,14 @@ class _Canvas:
     def _story(self, finding: Finding) -> tuple[int, int]:
         """From before the change of state that precedes a finding to after the one that follows it."""
         at = self._time(finding.frame)
-        edges = [now for before, now in _pairs(self.events) if now.state != before.state]
+        edges = [
+            now for before, now in itertools.pairwise(self.events) if now.state != before.state
+        ]
         cause = [each.time_ns for each in edges if each.time_ns < at]
         effect = [each.time_ns for each in edges if each.time_ns > at]
         first = max(self.first_ns, (cause[-1] if cause else self.first_ns) - _BEFORE_NS)
         last = min(self.last_ns, (effect[0] if effect else at) + _AFTER_NS)
         return first, max(last, first + 100_000_000)
-
-
-def _is_beside(job: Transaction, relation: Relation) -> bool:
-    """Whether a job of S7 is one of the controller of a drive."""
-    return job.channel == S7 and relation.controller in (job.controller, job.device)
 
 
 def _points(
@@ -526,10 +527,6 @@ class _Drawing:
 
 
 _STEPS = [n * 10**power for power in range(6, 13) for n in (1, 2, 5)]
-
-
-def _pairs(events: Sequence[Event]) -> Iterator[tuple[Event, Event]]:
-    return itertools.pairwise(events)
 
 
 def _values_before(jobs: Sequence[Transaction]) -> dict[int, Value]:
