@@ -165,13 +165,16 @@ def _whole_message(
     found: dict[bytes, Repair] = {}
     for what, data in _swapped(request, message, known_pnu):
         fixed = _settled(data, options)
-        if fixed is None or not _makes_sense(fixed[1], known_pnu):
+        if fixed is None or _absurd_inside(fixed[1]):
+            continue
+        if not all(known_pnu(address.pnu) for address in fixed[1].addresses):
             continue
         # With every word turned round the values stood elsewhere: there is nothing to compare.
         if what == "all_bytes" or not _worse(message, fixed[1]):
             found.setdefault(fixed[0], Repair("DS715", what, fixed[0], {}, 0))
     # Where each second byte is zero, that explains the fill bytes as well.
-    layouts = _layouts("zeros", _without_zeros(request), options)
+    halves = (request[at::2] for at in (0, 1) if not any(request[1 - at :: 2]))
+    layouts = _layouts("zeros", halves, options)
     layouts = layouts or _layouts("even_offsets", _without_fill_bytes(request, options), options)
     return [*found.values(), *(each for each in layouts if each.request not in found)]
 
@@ -232,11 +235,6 @@ def _turned(block: Block) -> bytes:
     return b"".join(block.raw[i : i + size][::-1] for i in range(0, len(block.raw), size))
 
 
-def _makes_sense(message: Request, known_pnu: Callable[[int], bool]) -> bool:
-    known_all = all(known_pnu(address.pnu) for address in message.addresses)
-    return known_all and not _absurd_inside(message)
-
-
 def _worse(before: Request, after: Request) -> bool:
     """Whether a number that somebody may have typed is none any more."""
     return any(
@@ -253,12 +251,6 @@ def _layouts(what: str, candidates: Iterable[bytes | None], options: Options) ->
         for each in settled
         if each and not _absurd_inside(each[1])
     ]
-
-
-def _without_zeros(request: bytes) -> Iterator[bytes]:
-    for place in (0, 1):
-        if not any(request[1 - place :: 2]):
-            yield request[place::2]
 
 
 def _without_fill_bytes(request: bytes, options: Options) -> Iterator[bytes | None]:

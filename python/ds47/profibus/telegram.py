@@ -173,6 +173,11 @@ class Telegram:
         """The SAP at the source."""
         return self.front.ssap
 
+    @property
+    def proved(self) -> bool:
+        """Whether it has a check byte and an end byte, and both are right."""
+        return not self.flaws and self.kind not in (SC, SD4)
+
 
 def check_byte(content: bytes) -> int:
     """The check byte of the content of a frame, DA to the last byte of data."""
