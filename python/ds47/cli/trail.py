@@ -6,7 +6,7 @@ Here: options, finding the files, exit status. What is printed is `ds47.report.c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -34,9 +34,6 @@ from ds47.cli.series import series_option, tasks, tell_lacking, tell_nothing
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
 from ds47.report.zones import Zone
-
-if TYPE_CHECKING:
-    pass
 
 
 @helped("trail", ("ds47 trail machine.pcapng --pnu p1120", "who changed p1120, from what to what"))

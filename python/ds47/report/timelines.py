@@ -165,4 +165,4 @@ def standing(row: EventRow) -> Both:
     last = row.last
     if last.state is None:
         return Both.same("")
-    return Both(*(state_text(last.state, last.overlays, lang) for lang in ("en", "zh")))
+    return Both.of(state_text, last.state, last.overlays)

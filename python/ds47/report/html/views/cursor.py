@@ -131,7 +131,7 @@ def _invalid(timeline: Timeline, reach: Reach, texts: _Texts) -> Iterator[list[i
     for event in timeline.events:
         side, _, what = event.name.partition("-")
         if what == "lost":
-            words = Both(*(cyclic.event_text(event.name, lang) for lang in ("en", "zh")))
+            words = Both.of(cyclic.event_text, event.name)
             begun[side] = [reach.after(event.time_ns), None, texts.number(words)]
             yield begun[side]
         elif what == "back" and side in begun:

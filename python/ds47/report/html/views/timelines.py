@@ -360,7 +360,7 @@ class _Drawing:
             words = title = Both.same("")
         else:
             words = Both.same(name) if name.startswith("S") else Both.same("-")
-            title = Both(*(cyclic.state_text(name, event.overlays, lang) for lang in ("en", "zh")))
+            title = Both.of(cyclic.state_text, name, event.overlays)
         return self._box(first, last, kind, words, title)
 
     def _box(self, first: int, last: int, kind: str, words: Both, title: Both, y: float = 0) -> Box:
@@ -371,7 +371,7 @@ class _Drawing:
         order = [row.id for row in cyclic.overlays()]
         for event, first, last in spans:
             for name in event.overlays:
-                words = Both(*(cyclic.overlay_text(name, lang) for lang in ("en", "zh")))
+                words = Both.of(cyclic.overlay_text, name)
                 yield self._box(first, last, name, words, words, 4.0 * order.index(name))
 
     def _hatched(self) -> Iterator[Box]:
@@ -387,7 +387,7 @@ class _Drawing:
             yield self._invalid(first, self.canvas.last_ns, side)
 
     def _invalid(self, first: int, last: int, side: str) -> Box:
-        words = Both(*(cyclic.event_text(f"{side}-lost", lang) for lang in ("en", "zh")))
+        words = Both.of(cyclic.event_text, f"{side}-lost")
         return self._box(first, last, "invalid", words, words)
 
     def _flags(self) -> list[Mark]:
@@ -409,7 +409,7 @@ class _Drawing:
             kind = (
                 "off" if first.name.startswith("off") else "on" if first.name == "on" else "other"
             )
-            words = Both(cyclic.event_text(first.name), cyclic.event_text(first.name, "zh"))
+            words = Both.of(cyclic.event_text, first.name)
             silent = x < busy
             busy = busy if silent else x + _LETTER * (len(words.en) + 2)
             found.append(Mark(x, kind, words, title, silent=silent))
