@@ -11,7 +11,7 @@ import pytest
 
 from ds47.diagnosis import saving
 from ds47.diagnosis.saving import Moment, Unsaved
-from ds47.diagnosis.targets import LOCAL, Target, reach_of, target
+from ds47.diagnosis.targets import LOCAL, Target, reach_of, target_of
 
 TWO, THREE = Target(local=False, first=2), Target(local=False, first=3)
 NONE = Target(local=False, first=0)
@@ -41,9 +41,9 @@ def numbers(device: Unsaved) -> tuple[int, int, int, int, int] | None:
 
 
 def test_under_0xb02e_the_slot_decides_elsewhere_the_axis_byte() -> None:
-    assert target(2, 1, LOCAL, 7) == target(2, 1, LOCAL, None) == SLOT
-    assert target(2, 1, 47, 7) == target(9, 9, 0xB02F, 7) == Target(local=False, first=7)
-    assert target(2, 1, 47, None) == NONE
+    assert target_of(2, 1, LOCAL, 7) == target_of(2, 1, LOCAL, None) == SLOT
+    assert target_of(2, 1, 47, 7) == target_of(9, 9, 0xB02F, 7) == Target(local=False, first=7)
+    assert target_of(2, 1, 47, None) == NONE
 
 
 def test_two_requests_of_one_axis_or_slot_go_to_one_drive_object_those_of_axis_0_need_not() -> None:

@@ -438,7 +438,7 @@ class WholeCapture:
         unsaved = self._unsaved_of(job.peer.device)
         unsaved.family = who.drives
         moment = asked.frame, job.record.position
-        target = target_of(job.record, message.axis)
+        target = target_of(*_place(job.record)[1:], message.axis)
         for whole, seen in effect.saves:
             if whole:
                 unsaved.save_all(moment, seen=seen)

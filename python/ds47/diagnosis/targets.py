@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ds47.acyclic.judge import Reach
 from ds47.profidrive.drive_objects import LOCAL
-from ds47.profinet.records import ChannelKey, Record
+from ds47.profinet.records import ChannelKey
 
 
 class Target(NamedTuple):
@@ -32,11 +32,9 @@ class Target(NamedTuple):
         return self.local or other.local or self == other or 0 in (self.first, other.first)
 
 
-def target_of(record: Record, axis: int | None) -> Target:
+def target_of(slot: int, subslot: int, index: int, axis: int | None) -> Target:
     """Whom a request addresses."""
-    if record.index == LOCAL:
-        return Target(True, record.slot, record.subslot)
-    return Target(False, axis or 0)
+    return Target(True, slot, subslot) if index == LOCAL else Target(False, axis or 0)
 
 
 def reach_of(channel: ChannelKey, axis: int | None) -> Reach:

@@ -66,7 +66,14 @@ def _buffers(result: CaptureResult, targets: Targets) -> Iterator[EventCells]:
             if words is not None:
                 where = " ".join(filter(None, (item.device, targets.words(item))))
                 kind = "fault" if any(now.values()) else "state"
-                yield _event(result, _answered(item), kind, words, where, _frame(item))
+                yield _event(
+                    result,
+                    item.start_ns + max(0, item.duration_ns or 0),
+                    kind,
+                    words,
+                    where,
+                    _frame(item),
+                )
 
 
 def _present(item: Parameter) -> dict[int, int]:
@@ -85,10 +92,6 @@ def _news(parameter: str, before: dict[int, int], now: dict[int, int]) -> Both |
     if any(before.values()) and not any((before | now).values()):
         return say("event_buffer_empty", parameter=parameter)
     return None
-
-
-def _answered(item: Transaction) -> int:
-    return item.start_ns + max(0, item.duration_ns or 0)
 
 
 def _frame(item: Transaction) -> int:
