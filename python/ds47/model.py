@@ -796,12 +796,8 @@ class CaptureResult(Plain):
         """The whole result, whether it is shown or not: proofs come from all of it."""
         return self if self.whole is None else self.whole
 
-    def device(self, name: str) -> Device:
-        """A device by its IP address, or by its MAC address if a channel was named by hand."""
-        return self.named()(name)
-
     def named(self) -> Callable[[str], Device]:
-        """The same for many names: the devices are looked through once."""
+        """Gives a device by its IP address, or by its MAC address if a channel was named by hand."""
         known = {
             name: each for each in reversed(self.devices) for name in (each.mac, each.ip) if name
         }

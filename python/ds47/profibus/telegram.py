@@ -363,7 +363,10 @@ def _body(kind: str, data: bytes, head: int, end: int, flaws: list[Flaw]) -> Tel
     at = 3
     dae, at = _extension(content, at, da)
     sae, at = _extension(content, at, sa)
-    if any(byte & _EXTENDED and not _whole(part) for byte, part in ((da, dae), (sa, sae))):
+    if any(
+        byte & _EXTENDED and (not part or part[-1] & _EXTENDED)
+        for byte, part in ((da, dae), (sa, sae))
+    ):
         flaws.append(Flaw("extension", head + at))
     return Telegram(_front(kind, content[:at]), data, content[at:], fcs, tuple(flaws))
 
@@ -375,10 +378,6 @@ def _extension(content: bytes, at: int, address: int) -> tuple[bytes, int]:
         more = bool(content[at] & _EXTENDED)
         at += 1
     return content[first:at], at
-
-
-def _whole(extension: bytes) -> bool:
-    return bool(extension) and not extension[-1] & _EXTENDED
 
 
 def _sap(extension: bytes) -> int | None:

@@ -518,7 +518,9 @@ class Writer(_Writer):
         groups: dict[tuple[str, str], list[Finding]] = {}
         for each in findings:
             groups.setdefault((each.rule, each.severity), []).append(each)
-        for group in sorted(groups.values(), key=_serious_first):
+        for group in sorted(
+            groups.values(), key=lambda of: (-SEVERITIES.index(of[0].severity), of[0].rule)
+        ):
             self._group(group, file_frames)
 
     def _group(self, group: Sequence[Finding], file_frames: FileFrames) -> None:
@@ -655,7 +657,3 @@ def _traffic(result: CaptureResult) -> Both | None:
         calls[6:] = [say("more", number=str(len(calls) - 6))]
     shown = Both.same("RPC").joined(joined(rpc), ": ", "：")
     return shown.joined(say("record_calls", calls=joined(calls)), zh="", en="") if calls else shown
-
-
-def _serious_first(group: list[Finding]) -> tuple[int, str]:
-    return (-SEVERITIES.index(group[0].severity), group[0].rule)

@@ -314,7 +314,8 @@ class _Drawing:
         """Everything in its place."""
         lanes = self._lanes(BAND + FLAGS + CURVE)
         height = BAND + FLAGS + CURVE + LANE * len(lanes) + AXIS
-        spans = list(self._spans())
+        spans, top, bottom = list(self._spans()), self.canvas.top, self.canvas.bottom
+        parts = sorted({bottom, bottom // 2, 0, top // 2, top})
         return Drawing(
             name=name, about=about, seconds=(self.first_ns - self.canvas.start_ns) / 1e9,
             span=(self.last_ns - self.first_ns) / 1e9,
@@ -325,7 +326,7 @@ class _Drawing:
             setpoint=self._line(self.canvas.timeline.setpoint, step=True),
             actual=self._line(self.canvas.timeline.actual),
             spread=self._spread(self.canvas.timeline.actual),
-            levels=[Tick(self._level(part), self._percent(part)) for part in self._parts()],
+            levels=[Tick(self._level(part), self._percent(part)) for part in parts],
             lanes=lanes,
             times=[
                 Tick(self._x(at), label, self.canvas.clock.time_of_day(at))
@@ -427,10 +428,6 @@ class _Drawing:
         if reference is not None and reference.values[0][1]:
             return reference.shown(part)
         return f"{part:+d} %" if part else "0 %"
-
-    def _parts(self) -> list[int]:
-        top, bottom = self.canvas.top, self.canvas.bottom
-        return sorted({bottom, bottom // 2, 0, top // 2, top})
 
     def _points(self, points: Sequence[Point]) -> list[Point]:
         """Those that are seen, with one before and one behind."""
