@@ -10,7 +10,6 @@ from typing import Any
 
 import click
 
-from ds47.capture.names import about
 from ds47.cli.common import (
     Misses,
     color,
@@ -87,8 +86,6 @@ def command(
                 words = say("trail_unproved", path=escape(result.path), n=left, do=asked)
                 warn(words.text(lang))
             tell_nothing(result, lang)
-            if not result.complete:
-                misses(about(task.path, result.problem or ""))
             tell_lacking(task.path, result.missing_files, result.lacking, misses)
         writer.close()
     if choice and not changes:
