@@ -237,7 +237,7 @@ class WholeCapture:
         asked, answer = record.request, record.response
         if asked is not None and record.index == SHARED_INDEX:
             if answer is None or not answer.status:
-                self._unsaved_of(peer.device).save_all((asked.frame, 0), seen=False)
+                self._unsaved_of(peer.device).save((asked.frame, 0), None, seen=False)
             return
         if asked is None:
             spot = _place(record)[1:]
@@ -440,10 +440,7 @@ class WholeCapture:
         moment = asked.frame, job.record.position
         target = target_of(*_place(job.record)[1:], message.axis)
         for whole, seen in effect.saves:
-            if whole:
-                unsaved.save_all(moment, seen=seen)
-            else:
-                unsaved.save(moment, target, seen=seen)
+            unsaved.save(moment, None if whole else target, seen=seen)
         for seen, pnus in effect.changes:
             unsaved.change(moment, target, pnus, seen=seen)
 
@@ -455,7 +452,7 @@ class WholeCapture:
         known = None if response is None else response.response_id
         if known in _OF_CHANGES or (known is None and read.cut):
             moment = read.frame, job.record.position
-            self._unsaved_of(job.peer.device).save_all(moment, seen=False)
+            self._unsaved_of(job.peer.device).save(moment, None, seen=False)
 
     def _unsaved_of(self, device: str) -> Unsaved:
         return self._unsaved.get(device) or put(self._unsaved, device, Unsaved())
@@ -464,7 +461,7 @@ class WholeCapture:
         lacks = self._completeness
         for device, unsaved in self._unsaved.items():
             if lacks is not None and (hole := lacks.newest_gap(device)):
-                unsaved.save_all((hole, 0), seen=False)
+                unsaved.save((hole, 0), None, seen=False)
             facts = unsaved.told()
             if facts is not None:
                 first = facts.pop("first")

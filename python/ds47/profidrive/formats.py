@@ -24,6 +24,8 @@ _NORMAL, _TOO_LARGE = 2.0**-126, 2.0**128 - 2.0**103
 _LARGEST: Final = {4: "3.4028235e+38", 8: "1.7976931348623157e+308"}
 """The largest finite numbers, by bytes."""
 _DAY_MS = 86_400_000
+_DATE: Final = (63, 31, 31, 63, 127)
+"""The bits of minute, hour, day, month and year, each a byte."""
 _MS_MASK = 0x0FFFFFFF
 """Times of day use 28 of their 32 bits."""
 
@@ -261,11 +263,7 @@ def _show_date(raw: bytes) -> Value:
     """ISO 8601, unchecked: a month 13 stays visible. Years 84 to 99 belong to the last century."""
     milliseconds = int.from_bytes(raw[:2], "big")
     minute, hour, day, month, year = (
-        raw[2] & 63,
-        raw[3] & 31,
-        raw[4] & 31,
-        raw[5] & 63,
-        raw[6] & 127,
+        byte & bits for byte, bits in zip(raw[2:], _DATE, strict=True)
     )
     century = 1900 if year >= 84 else 2000
     seconds = f"{milliseconds // 1000:02}.{milliseconds % 1000:03}"
