@@ -239,7 +239,7 @@ def questions() -> Iterator[Question]:
             "layout": vector["expect"]["layout"],
         }  # fmt: skip
     chance = random.Random(16)
-    families = (None, *(row["name"] for row in spec._load("pkw.toml")["family"]))
+    families = (None, *spec.families())
     for _ in range(2000):
         data = bytearray(chance.randbytes(8))
         if chance.random() < 0.5:

@@ -69,7 +69,7 @@ def decode(
         data: the four words as they stand in the frame.
         answer: whether the drive sent it.
         layout: CYCLIC or USS.
-        family: of the error numbers, one of `[[family]]` in spec/pkw.toml; None takes all known ones.
+        family: of the error numbers, one of `spec.cyclic.families()`; None takes all known ones.
 
     Raises:
         ValueError: there are fewer than eight bytes.

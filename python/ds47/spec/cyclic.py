@@ -209,6 +209,11 @@ def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str
     return text if vendor_id is None else text + of_maker(vendor_id, lang)
 
 
+def families() -> tuple[str, ...]:
+    """The families of drives with known error numbers."""
+    return tuple(row["name"] for row in _load("pkw.toml")["family"])
+
+
 def is_of_profile(code: int | None) -> bool:
     """Whether an error number of PKW belongs to the PROFIdrive profile, not to the maker."""
     return code is not None and code <= profile_errors()
