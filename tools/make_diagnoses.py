@@ -27,7 +27,7 @@ from ds47.lab.wire import PduContent
 from ds47.model import CaptureResult, Report
 from ds47.profidrive import Block, decode_request, decode_response
 from ds47.profidrive.notation import format_request_line
-from ds47.report import ReportOptions, text
+from ds47.report import ReportOptions, text, write_all
 from ds47.spec import Rule, rules
 from ds47.spec.statuses import status_hex
 
@@ -208,7 +208,7 @@ def played(name: str) -> tuple[Stage, CaptureResult]:
 def told(result: CaptureResult) -> list[str]:
     """What the text report says to do: the diagnoses alone, without the frames, which the picture marks."""
     stream = io.StringIO()
-    text.write(Report([result]), stream, ReportOptions(rules=rules()))
+    write_all(text.Writer(stream, ReportOptions(rules=rules())), Report([result]))
     lines = stream.getvalue().splitlines()
     start = lines.index("What to do")
     found = lines[start + 1 : lines.index("", start)]

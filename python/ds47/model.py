@@ -219,7 +219,7 @@ class Messages(NamedTuple):
     response: str | None
 
 
-@dataclass(slots=True, init=False, repr=False, eq=False)
+@dataclass(slots=True, repr=False, eq=False)
 class Item(Plain):
     """One variable of an S7 job, or data that a program sends; None for what the capture lacks."""
 
@@ -238,34 +238,10 @@ class Item(Plain):
     """What was read, written or sent."""
     code: int | None
     """What the partner answered; 255 is success (docs/s7.md 3)."""
-    drive_object: int | None
+    drive_object: int | None = None
     """The drive object that the address names, if the partner is known to be a drive,"""
-    parameter: Parameter | None
+    parameter: Parameter | None = None
     """and the parameter element that it names, with its value."""
-
-    def __init__(
-        self,
-        address: str | None,
-        area: str | None,
-        db: int | None,
-        start: int | None,
-        bit: int | None,
-        length: int | None,
-        value: bytes | None,
-        code: int | None,
-        drive_object: int | None = None,
-        parameter: Parameter | None = None,
-    ) -> None:
-        self.address = address
-        self.area = area
-        self.db = db
-        self.start = start
-        self.bit = bit
-        self.length = length
-        self.value = value
-        self.code = code
-        self.drive_object = drive_object
-        self.parameter = parameter
 
 
 @dataclass(slots=True, repr=False, eq=False)
@@ -347,7 +323,7 @@ class Transaction(Plain):
         )
 
 
-@dataclass(slots=True, init=False, repr=False, eq=False)
+@dataclass(slots=True, repr=False, eq=False)
 class Finding(Plain):
     """A rule that applies: in which frame, to which transaction, and on which facts.
 
@@ -357,39 +333,20 @@ class Finding(Plain):
     rule: str
     severity: Severity
     frame: int
-    frames: list[int]
-    """All frames that it is about, sorted, including `frame`."""
-    transaction: int | None
-    offset: int | None
+    frames: list[int] = field(default_factory=list)
+    """All frames that it is about, sorted, including `frame`; without any, that one."""
+    transaction: int | None = None
+    offset: int | None = None
     """Byte of the DS47 message, for rules about a message."""
-    args: dict[str, Any]
+    args: dict[str, Any] = field(default_factory=dict)
     """The arguments that spec/rules.toml lists for the rule, in the units and names of the report."""
-    said: str | None
+    said: str | None = None
     """The sentence in a result of `ds47.report/1`, which has no args; else None."""
-    time_ns: int | None
+    time_ns: int | None = None
     """Time of `frame`, nanoseconds since 1970; None where it is not known."""
 
-    def __init__(
-        self,
-        rule: str,
-        severity: Severity,
-        frame: int,
-        frames: list[int] | None = None,
-        transaction: int | None = None,
-        offset: int | None = None,
-        args: dict[str, Any] | None = None,
-        said: str | None = None,
-        time_ns: int | None = None,
-    ) -> None:
-        self.rule = rule
-        self.severity = severity
-        self.frame = frame
-        self.time_ns = time_ns
-        self.frames = [frame] if frames is None else frames
-        self.transaction = transaction
-        self.offset = offset
-        self.args = {} if args is None else args
-        self.said = said
+    def __post_init__(self) -> None:
+        self.frames = self.frames or [self.frame]
 
     @property
     def time(self) -> str | None:
@@ -839,12 +796,8 @@ class CaptureResult(Plain):
         """The whole result, whether it is shown or not: proofs come from all of it."""
         return self if self.whole is None else self.whole
 
-    def device(self, name: str) -> Device:
-        """A device by its IP address, or by its MAC address if a channel was named by hand."""
-        return self.named()(name)
-
     def named(self) -> Callable[[str], Device]:
-        """The same for many names: the devices are looked through once."""
+        """Gives a device by its IP address, or by its MAC address if a channel was named by hand."""
         known = {
             name: each for each in reversed(self.devices) for name in (each.mac, each.ip) if name
         }

@@ -42,13 +42,13 @@ def browser(one_browser):
 def write(tmp_path_factory):
     """A function that writes a report over results and returns its path."""
     from ds47.model import Report
-    from ds47.report import ReportOptions, html
+    from ds47.report import ReportOptions, html, write_all
 
     folder = tmp_path_factory.mktemp("pages")
 
     def write(name, *results, lang="en"):
         stream = io.StringIO()
-        html.write(Report(list(results)), stream, ReportOptions(lang=lang))
+        write_all(html.Writer(stream, ReportOptions(lang=lang)), Report(list(results)))
         path = folder / f"{name}.html"
         path.write_text(stream.getvalue(), "utf-8", errors="backslashreplace", newline="\n")
         return path

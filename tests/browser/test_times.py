@@ -8,7 +8,7 @@ import pytest
 
 from ds47.analysis import analyze
 from ds47.model import Report
-from ds47.report import ReportOptions, html
+from ds47.report import ReportOptions, html, write_all
 from ds47.report.clock import Clock
 from ds47.report.zones import zone
 
@@ -43,7 +43,7 @@ def moved(captures, start_ns, factor):
 def test_the_page_says_the_times_that_the_text_says(browser, captures, tmp_path, name):
     result = moved(captures, *CASES[name])
     stream = io.StringIO()
-    html.write(Report([result]), stream, ReportOptions(zone=BERLIN))
+    write_all(html.Writer(stream, ReportOptions(zone=BERLIN)), Report([result]))
     page = tmp_path / "page.html"
     page.write_text(stream.getvalue(), "utf-8")
     browser.open(page)
@@ -62,7 +62,7 @@ def test_a_plot_says_time_of_day_seconds_and_frame_where_the_pointer_is(
 ):
     result = analyze(captures / "tour-machine.pcapng")
     stream = io.StringIO()
-    html.write(Report([result]), stream, ReportOptions(zone=BERLIN))
+    write_all(html.Writer(stream, ReportOptions(zone=BERLIN)), Report([result]))
     page = tmp_path / "page.html"
     page.write_text(stream.getvalue(), "utf-8")
     browser.open(page)

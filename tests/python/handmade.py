@@ -47,7 +47,7 @@ def finding(
     **args: Any,
 ) -> Finding:
     """A finding that says these words, as one of an older result does."""
-    return Finding(rule, severity, frame, None, transaction, offset, args, said)
+    return Finding(rule, severity, frame, [frame], transaction, offset, args, said)
 
 
 def diagnosis(

@@ -22,6 +22,7 @@ from ds47.lab import captured
 from ds47.model import SIEMENS, CaptureResult
 from ds47.report import json as report
 from ds47.report import load
+from ds47.report.contract import TRANSACTION
 
 CAPTURES = Path(__file__).resolve().parents[2] / "captures"
 FILES = (
@@ -112,8 +113,8 @@ def test_it_is_what_the_object_uuid_would_have_said(tmp_path: Path) -> None:
         path = tmp_path / f"{name}.pcapng"
         path.write_bytes(anonymous(name))
         told, assumed = analyze(CAPTURES / path.name), analyze(path, SINAMICS)
-        assert [report.transaction(each) for each in assumed.transactions] == [
-            report.transaction(each) for each in told.transactions
+        assert [TRANSACTION.plain(each) for each in assumed.transactions] == [
+            TRANSACTION.plain(each) for each in told.transactions
         ]
         assert assumed.findings == told.findings
 

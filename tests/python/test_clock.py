@@ -11,7 +11,7 @@ import pytest
 
 from ds47.cli import main
 from ds47.model import CaptureResult, Report
-from ds47.report import ReportOptions, text
+from ds47.report import ReportOptions, text, write_all
 from ds47.report.clock import Clock
 from ds47.report.wrap import columns as width
 from ds47.report.zones import UNIVERSAL, Zone, zone
@@ -36,7 +36,7 @@ def of(start: int, *starts: int) -> CaptureResult:
 
 def printed(result: CaptureResult, where: Zone, lang: str = "en") -> str:
     stream = io.StringIO()
-    text.write(Report([result]), stream, ReportOptions(zone=where, lang=lang))
+    write_all(text.Writer(stream, ReportOptions(zone=where, lang=lang)), Report([result]))
     return stream.getvalue()
 
 

@@ -15,7 +15,7 @@ from ds47.acyclic.pairing import STATUS_NOT_READY, Job
 from ds47.diagnosis import capture
 from ds47.diagnosis.capture import WholeCapture
 from ds47.lab import message
-from ds47.profidrive import decode_request, decode_response
+from ds47.profidrive import decode_request, decode_response, drive_objects
 from ds47.profinet.completeness import Completeness, Missing, Numbers
 from ds47.profinet.records import Half, Peer, Record
 from ds47.profinet.rpc import Pdu
@@ -35,7 +35,8 @@ Told = tuple[str, int, dict[str, Any]]
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Memories of two entries, of two stations two things each."""
     facts = known().but(history=2, of_pair=2)
-    monkeypatch.setattr(capture, "known", lambda: facts)
+    for room in (capture, drive_objects):
+        monkeypatch.setattr(room, "known", lambda: facts)
 
 
 class Whole:

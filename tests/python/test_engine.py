@@ -35,6 +35,7 @@ from ds47.profidrive import Options
 from ds47.report import contract, load
 from ds47.report import json as report
 from ds47.report.bilingual import LANGUAGES
+from ds47.report.contract import FINDING, TRANSACTION
 from ds47.report.sentences import error_words, sentence
 from ds47.spec import units
 from ds47.spec.semantics import limits, reasons
@@ -660,12 +661,12 @@ def test_lists_of_the_user_count(ready: Callable[..., Engine]) -> None:
     for name in ("conversation-partial-read", "tour-machine"):
         path = CAPTURES / f"{name}.pcapng"
         native = analyze(path, options)
-        wanted = [report.transaction(each) for each in native.transactions]
+        wanted = [TRANSACTION.plain(each) for each in native.transactions]
         assert any("Speed now" in str(each) or "stalled" in str(each) for each in wanted)
         for kind in ("tshark", "both"):
             found = ready(kind, options).analyze(path)
             assert "DS601" not in {each.rule for each in found.findings}
-            assert [report.transaction(each) for each in found.transactions] == wanted
+            assert [TRANSACTION.plain(each) for each in found.transactions] == wanted
 
 
 def test_settings_of_the_user_do_not_count(
@@ -727,12 +728,12 @@ def test_rebuilding_is_the_reverse_of_the_report(path: Path) -> None:
     vendors = {each.ip: each.vendor_id for each in result.devices}
     for transaction in result.transactions:
         vendor_id = vendors.get(transaction.device)
-        rebuilt = load.transaction(report.transaction(transaction), vendor_id)
+        rebuilt = load.transaction(TRANSACTION.plain(transaction), vendor_id)
         assert rebuilt == replace(transaction, position=0)
-        rebuilt = load.transaction(report.transaction(transaction, "zh"), vendor_id)
+        rebuilt = load.transaction(TRANSACTION.plain(transaction, "zh"), vendor_id)
         assert rebuilt == replace(transaction, position=0)
     for finding in result.findings:
-        assert load.finding(report.finding(finding)) == finding
+        assert load.finding(FINDING.plain(finding)) == finding
 
 
 def test_a_text_that_is_not_of_this_version_stays() -> None:
@@ -743,12 +744,12 @@ def test_a_text_that_is_not_of_this_version_stays() -> None:
 
 @pytest.mark.parametrize("time_ns", [0, 1, -1, -(10**18), 1_767_254_400_123_456_789, 2**63, 2**80])
 def test_times_are_exact(time_ns: int) -> None:
-    assert units.nanoseconds(report.timestamp(time_ns)) == time_ns
+    assert units.nanoseconds(units.timestamp(time_ns)) == time_ns
 
 
 @pytest.mark.parametrize("ns", [0, 1, -5, 999_999, 12_345_678_901, 10**15 + 1, None])
 def test_durations_are_exact(ns: int | None) -> None:
-    assert units.duration(report.milliseconds(ns)) == ns
+    assert units.duration(units.milliseconds(ns)) == ns
 
 
 def test_what_is_no_time() -> None:

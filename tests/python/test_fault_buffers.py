@@ -12,7 +12,7 @@ from tests.audit.buffers import problems
 
 from ds47 import spec
 from ds47.model import CaptureResult, Frames, Parameter, Report, Transaction
-from ds47.report import buffers, contract, html, json, schema
+from ds47.report import buffers, contract, html, json, schema, write_all
 
 PLAIN = {
     945: "Unsigned16",
@@ -139,12 +139,12 @@ def test_json_has_the_entries() -> None:
 
 def test_the_page_has_the_table() -> None:
     stream = io.StringIO()
-    html.write(Report([capture(*FULL)]), stream)
+    write_all(html.Writer(stream), Report([capture(*FULL)]))
     text = stream.getvalue()
     assert 'id="buffers-1"' in text
     assert "value -3" in text
     stream = io.StringIO()
-    html.write(Report([capture(FULL[0])]), stream)
+    write_all(html.Writer(stream), Report([capture(FULL[0])]))
     assert "buffers-1" not in stream.getvalue()
 
 

@@ -23,8 +23,8 @@ from ds47.diagnosis import refusal
 from ds47.findings.grouping import Grouping, cause, headlines
 from ds47.model import Diagnosis, Finding, Frames
 from ds47.profidrive import Address
-from ds47.report import json as contract
 from ds47.report import load
+from ds47.report.contract import DIAGNOSIS
 from ds47.report.filters import display_filter
 from ds47.report.html.views.problems import problems
 from ds47.report.sentences import advice, sentence
@@ -285,7 +285,7 @@ def test_json_says_what_differs_and_comes_back():
     for each in (refused(5, job=3), refused(9, subindex=7, job=4)):
         groups.add(cause(each.rule, DRIVE, each.args), each, b"\x01\x01\x02\x00")
     (told,) = groups.result()
-    item = contract.diagnosis(told)
+    item = DIAGNOSIS.plain(told)
     assert item["differs"] == ["subindex"]
     assert item["frames_left_out"] == 0
     assert item["filter"] == "frame.number == 5 or frame.number == 9"

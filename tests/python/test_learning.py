@@ -22,9 +22,10 @@ from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profidrive.drive_objects import LOCAL, DriveObjects, access_of
 from ds47.regression.compare import compare
 from ds47.regression.config import Config
-from ds47.report import contract, csv, formatting, load
+from ds47.report import contract, csv, formatting, load, write_all
 from ds47.report import json as report_json
-from ds47.report.text import write as write_text
+from ds47.report.contract import PARAMETER, TRANSACTION
+from ds47.report.text import Writer as TextWriter
 
 CAPTURE = Path(__file__).resolve().parents[2] / "captures/format-described.pcapng"
 RAMP = message.address(1999)
@@ -209,7 +210,7 @@ def test_a_name_cannot_talk_to_the_terminal_or_the_page(
     read(client)
     assert told() == [r'p1999[0] ("=<b>\"\xad\\") = 1000 (10.0 s)'.replace("\\\\", "\\")]
     stream = io.StringIO()
-    csv.write(Report([analyze(tmp_path / "x.pcapng")]), stream)
+    write_all(csv.Writer(stream), Report([analyze(tmp_path / "x.pcapng")]))
     assert "'=<b>" in stream.getvalue()
 
 
@@ -225,7 +226,7 @@ def lines(result_path: Path) -> list[dict[str, object]]:
 
 def test_every_format_names_the_same() -> None:
     result = analyze(CAPTURE)
-    complete = [report_json.transaction(each) for each in result.transactions]
+    complete = [TRANSACTION.plain(each) for each in result.transactions]
     assert complete == lines(CAPTURE)
     named = [(each.parameters[0].name, each.parameters[0].unit) for each in result.transactions]
     assert named == [
@@ -233,10 +234,10 @@ def test_every_format_names_the_same() -> None:
         ("Ramp-down time", None), ("Ramp-down time", "s"),
     ]  # fmt: skip
     stream = io.StringIO()
-    write_text(Report([result]), stream)
+    write_all(TextWriter(stream), Report([result]))
     assert f"p1120[0] {NAMED} = 1000 (10.0 s)" in stream.getvalue()
     stream = io.StringIO()
-    csv.write(Report([result]), stream)
+    write_all(csv.Writer(stream), Report([result]))
     assert stream.getvalue().count("Ramp-up time,s,Unsigned16,1,1000,10.0") == 1
 
 
@@ -244,16 +245,16 @@ def test_a_result_is_loaded_with_its_names() -> None:
     result = analyze(CAPTURE)
     for lang in ("en", "zh"):
         for each in result.transactions:
-            plain = report_json.transaction(each, lang)
+            plain = TRANSACTION.plain(each, lang)
             again = load.transaction(plain, 0x2A)
-            assert report_json.transaction(again, lang) == plain
+            assert TRANSACTION.plain(again, lang) == plain
             for one, other in zip(again.parameters, each.parameters, strict=True):
                 assert one.described == other.described
 
 
 def test_names_of_the_list_stay_names_of_the_list() -> None:
     """A description that gives a unit alone, of a listed parameter: its name is that of each language."""
-    plain = report_json.parameter(Parameter(922, 0, "value", 0, listed=spec.parameter(922)), "zh")
+    plain = PARAMETER.plain(Parameter(922, 0, "value", 0, listed=spec.parameter(922)), "zh")
     item = contract.PARAMETER.load(plain | {"described_in": [4]})
     assert item.described == (None, (4,))
     assert item.name == "Telegram selection"

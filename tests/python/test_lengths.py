@@ -303,7 +303,7 @@ def test_whole_sentences_as_far_as_they_have_room(words: str, room: int, kept: s
 def test_the_text_of_a_library_user_is_complete() -> None:
     result = analyze(LONG)
     stream = io.StringIO()
-    text.write(Report([result]), stream)
+    write_all(text.Writer(stream), Report([result]))
     assert stream.getvalue().count("\n#") == len(result.transactions)
 
 

@@ -46,6 +46,7 @@ from ds47.model import (
 from ds47.profidrive.drive_objects import DriveObjects
 from ds47.report import csv as csv_report
 from ds47.report import json as json_report
+from ds47.report import write_all
 from ds47.report.bilingual import say
 from ds47.report.escaping import escape
 from ds47.report.sentences import advice
@@ -126,7 +127,7 @@ def with_points(value: Any) -> Any:
 
 def finding(rule: str, frame: int, job: int | None, offset: int | None, /, **args: Any) -> Finding:
     """A finding of a rule, as serious as the rule is."""
-    return Finding(rule, spec.rules()[rule].severity, frame, None, job, offset, args)
+    return Finding(rule, spec.rules()[rule].severity, frame, [frame], job, offset, args)
 
 
 def job(kind: str, result: CaptureResult, **options: Any) -> dict[str, Any]:
@@ -139,7 +140,7 @@ def python_csv(result: CaptureResult) -> str:
     proved, stream = DriveObjects.of(result.transactions), io.StringIO()
     for each in result.transactions:
         each.drive_object = proved.reached(each)
-    csv_report.write(Report([result]), stream)
+    write_all(csv_report.Writer(stream), Report([result]))
     return stream.getvalue()
 
 

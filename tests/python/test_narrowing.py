@@ -37,10 +37,11 @@ def wholes(captures):
             from ds47.analysis import analyze
             from ds47.model import Report
             from ds47.report import json as writer
+            from ds47.report import write_all
 
             result = analyze(path)
             result.path = str(path)
-            writer.write(Report([result]), stream)
+            write_all(writer.Writer(stream), Report([result]))
             found[path] = json.loads(stream.getvalue())["captures"][0]
     assert len(found) >= 2
     return found
@@ -301,11 +302,14 @@ def test_diff_refuses_a_narrowed_report(capsys, captures, tmp_path):
 def test_a_narrowed_report_is_loaded_and_written_again(captures, capsys, tmp_path):
     from ds47.model import Report
     from ds47.report import json as writer
+    from ds47.report import write_all
     from ds47.report.load import capture
 
     _, text, _ = run(capsys, "-f", "json", "--pnu", 50304, captures / "tour-machine.pcapng")
     stream = io.StringIO()
-    writer.write(Report([capture(each) for each in json.loads(text)["captures"]]), stream)
+    write_all(
+        writer.Writer(stream), Report([capture(each) for each in json.loads(text)["captures"]])
+    )
     assert stream.getvalue() == text
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ds47.profidrive import Address, build_change, decode_request, encode_request
+from ds47.profidrive import Address, build_request, decode_request, encode_request, make_block
 from ds47.profidrive.notation import format_request_line, parse_hex, parse_request_line
 
 LINES = [
@@ -234,8 +234,8 @@ def test_a_list_that_is_no_number_is_a_list(values: str) -> None:
 
 @given(st.lists(st.floats(width=32, allow_nan=False), min_size=1, max_size=4))
 def test_a_written_list_of_floats_never_looks_like_one_number(numbers: list[float]) -> None:
-    pair = (Address(0x10, len(numbers), 1, 0), 0x08, numbers)
-    request = build_change([pair])
+    address = Address(0x10, len(numbers), 1, 0)
+    request = build_request(0x02, [address], [make_block(0x08, numbers)])
     assert parse_request_line(format_request_line(request)).blocks == request.blocks
 
 

@@ -16,17 +16,13 @@ from ds47.profidrive import (
     Options,
     Request,
     Response,
-    build_change,
-    build_read,
-    build_response,
+    build_request,
     decode_request,
     decode_response,
-    encode_block,
     encode_request,
     encode_response,
     error_block,
     make_block,
-    zero_block,
 )
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -229,7 +225,7 @@ def test_what_only_the_end_of_a_message_tells_stays_undecided_without_it() -> No
 
 
 def test_many_parameters_are_noted() -> None:
-    request = build_read([Address(0x10, 1, 922, 0)] * 40)
+    request = build_request(0x01, [Address(0x10, 1, 922, 0)] * 40)
     assert [flaw.rule for flaw in decode_request(encode_request(request)).flaws] == ["DS304"]
 
 
@@ -242,23 +238,21 @@ def test_shaped() -> None:
     assert not decode_request(bytes.fromhex("00000005")).shaped
 
 
-def test_build_change_and_its_answers() -> None:
-    pair = (Address(0x10, 1, 50304, 0), 0x08, [100.0])
-    request = build_change([pair], reference=2, axis=2)
-    assert encode_request(request).hex() == "020202011001c4800000080142c80000"
-    assert encode_response(build_response(request, [zero_block()])).hex() == "02020201"
-    failed = build_response(request, [error_block(0x02, 0)])
-    assert encode_response(failed).hex() == "02820201440200020000"
-    read = build_read([Address(0x10, 1, 50304, 0)])
-    assert (
-        encode_response(build_response(read, [make_block(8, [10.0])])).hex()
-        == "01010101080141200000"
+def test_what_is_built() -> None:
+    change = build_request(
+        0x02, [Address(0x10, 1, 50304, 0)], [make_block(0x08, [100.0])], reference=2, axis=2
     )
+    assert encode_request(change).hex() == "020202011001c4800000080142c80000"
+    failed = Response(2, 0x82, 2, 1, [error_block(0x02, 0)])
+    assert encode_response(failed).hex() == "02820201440200020000"
+    assert encode_response(Response(2, 0x02, 2, 1)).hex() == "02020201"
 
 
-def test_encode_block_pads() -> None:
-    assert encode_block(0x05, [1, 2, 3]).hex() == "050301020300"
-    assert encode_block(0x09, ["PUMP"]).hex() == "090450554d50"
+def test_blocks_are_padded() -> None:
+    block = make_block(0x05, [1, 2, 3])
+    assert (block.value_count, block.raw.hex(), block.pad.hex()) == (3, "010203", "00")
+    block = make_block(0x09, ["PUMP"])
+    assert (block.value_count, block.raw.hex(), block.pad.hex()) == (4, "50554d50", "")
 
 
 @pytest.mark.parametrize(
@@ -275,4 +269,4 @@ def test_encode_block_pads() -> None:
 )
 def test_wrong_use_raises(code: int, values: list[Any]) -> None:
     with pytest.raises(ValueError, match=r"format|values|does not fit|is no"):
-        encode_block(code, values)
+        make_block(code, values)

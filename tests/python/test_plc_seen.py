@@ -18,7 +18,7 @@ def finding(
     rule: str, frame: int, job: int | None, offset: int | None, /, **args: object
 ) -> Finding:
     """A finding of a rule, as serious as the rule is."""
-    return Finding(rule, rules()[rule].severity, frame, None, job, offset, args)
+    return Finding(rule, rules()[rule].severity, frame, [frame], job, offset, args)
 
 
 def saw(result: CaptureResult) -> str:

@@ -102,7 +102,7 @@ def test_the_frame_count_bit() -> None:
     assert counts == [(1, 0), (0, 1), (1, 1)]
     item = frame(INPUTS)
     assert (item.request, item.front.fcb, item.front.fcv) == (False, None, None)
-    assert (item.slave, item.master) == ((3, None), (2, None))
+    assert (item.sa, item.ssap, item.da, item.dsap) == (3, None, 2, None)
 
 
 def test_an_extension_names_a_segment_before_the_sap() -> None:

@@ -22,10 +22,10 @@ from ds47.diagnosis.repair import Repair, find
 from ds47.profidrive import (
     Address,
     Options,
-    build_change,
-    build_read,
+    build_request,
     decode_request,
     encode_request,
+    make_block,
 )
 from ds47.report import sentences
 from ds47.spec.semantics import diagnosis_words, known
@@ -188,13 +188,14 @@ def values(draw: st.DrawFn) -> tuple[int, list[Any]]:
 
 @given(st.lists(st.tuples(ADDRESSES, values()), min_size=1, max_size=6))
 def test_no_valid_change_is_repaired(items: list[tuple[Address, tuple[int, list[Any]]]]) -> None:
-    request = build_change((address, code, numbers) for address, (code, numbers) in items)
+    blocks = [make_block(code, numbers) for _, (code, numbers) in items]
+    request = build_request(0x02, [address for address, _ in items], blocks)
     assert nothing(encode_request(request))
 
 
 @given(st.lists(ADDRESSES, min_size=1, max_size=39), st.integers(1, 255), st.integers(0, 255))
 def test_no_valid_read_is_repaired(addresses: list[Address], reference: int, axis: int) -> None:
-    assert nothing(encode_request(build_read(addresses, reference=reference, axis=axis)))
+    assert nothing(encode_request(build_request(0x01, addresses, reference=reference, axis=axis)))
 
 
 # --- any bytes ----------------------------------------------------------------------------------

@@ -28,8 +28,10 @@ from ds47.model import (
     Read,
     Report,
 )
-from ds47.report import csv, formatting, json, ndjson, text
+from ds47.report import csv, formatting, json, ndjson, text, write_all
+from ds47.report.contract import FINDING
 from ds47.report.latency import Latency, percentile
+from ds47.spec.units import timestamp
 
 VALIDATOR = jsonschema.Draft202012Validator(report.schema())
 
@@ -101,7 +103,10 @@ def hard_capture():
 
 def written(module, item, **options):
     stream = io.StringIO()
-    module.write(Report([item] if isinstance(item, CaptureResult) else item), stream, **options)
+    write_all(
+        module.Writer(stream, **options),
+        Report([item] if isinstance(item, CaptureResult) else item),
+    )
     return stream.getvalue()
 
 
@@ -134,7 +139,7 @@ def test_json_is_the_contract():
 
 
 def test_json_finding_has_the_offset_in_its_message():
-    plain = json.finding(finding("DS315", "error", "2 bytes missing", 6, 2, 4))
+    plain = FINDING.plain(finding("DS315", "error", "2 bytes missing", 6, 2, 4))
     assert plain["message"] == "offset 4: 2 bytes missing"
     assert plain["filter"] == "frame.number == 6"
 
@@ -185,7 +190,7 @@ def test_schema_is_strict():
     ],
 )
 def test_timestamp(time_ns, expected):
-    assert json.timestamp(time_ns) == expected
+    assert timestamp(time_ns) == expected
 
 
 def test_ndjson_lines_validate_and_hold_everything():

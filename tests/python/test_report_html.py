@@ -36,7 +36,7 @@ from ds47.model import (
 )
 from ds47.regression import difference_page
 from ds47.regression.config import ConfigError, load
-from ds47.report import ReportOptions, causes, html, sentences
+from ds47.report import ReportOptions, causes, html, sentences, write_all
 from ds47.report.bilingual import Both
 from ds47.report.html import embed, messages, texts
 from ds47.report.html.verdict import quality
@@ -102,7 +102,7 @@ def capture(*transactions, findings=(), **changes):
 
 def page(*results, lang="en"):
     stream = io.StringIO()
-    html.write(Report(list(results)), stream, ReportOptions(lang=lang))
+    write_all(html.Writer(stream, ReportOptions(lang=lang)), Report(list(results)))
     return stream.getvalue()
 
 
@@ -426,7 +426,7 @@ def test_diagnoses_come_first_then_errors_then_warnings_and_notes_last():
 
 def finding(rule, severity, frame, transaction=None, offset=None, /, **args):
     """A finding as the analysis makes it: with arguments and without words."""
-    return Finding(rule, severity, frame, None, transaction, offset, args)
+    return Finding(rule, severity, frame, [frame], transaction, offset, args)
 
 
 RUNNING = {"pnu": 76, "subindex": 1, "code": 0x6B, "vendor_id": 0x2A}

@@ -18,7 +18,7 @@ from ds47.analysis import analyze
 from ds47.cli import main
 from ds47.diagnosis.suggest import corrected
 from ds47.model import CaptureResult, Device, Finding, Frames, Report
-from ds47.report import ReportOptions, bilingual, plc, text
+from ds47.report import ReportOptions, bilingual, plc, text, write_all
 from ds47.report.filters import display_filter
 from ds47.report.todo import More, causes, uncovered
 from ds47.report.wrap import columns, wrap
@@ -39,7 +39,9 @@ def capture(*transactions, findings=(), diagnoses=(), **changes):
 
 def written(*captures, **options):
     stream = io.StringIO()
-    text.write(Report(list(captures)), stream, ReportOptions(rules=spec.rules(), **options))
+    write_all(
+        text.Writer(stream, ReportOptions(rules=spec.rules(), **options)), Report(list(captures))
+    )
     return stream.getvalue()
 
 
@@ -164,15 +166,15 @@ def test_five_thousand_equal_symptoms_are_one_line():
 
 def test_what_no_diagnosis_covers_stands_behind_them_a_line_a_rule():
     findings = [
-        Finding("DS410", "error", 9, None, 1, offset, {"pnu": pnu, "subindex": 0, "code": code})
+        Finding("DS410", "error", 9, [9], 1, offset, {"pnu": pnu, "subindex": 0, "code": code})
         for offset, pnu, code in ((4, 1, 0x6B), (8, 2, 0x11), (12, 3, 0x11))
     ]
     back = {"read": 1, "written": 2, "by": 7}
     findings += [
-        Finding("DS417", "warning", 9, None, 1, None, {"pnu": 4, "subindex": 0} | back),
-        Finding("DS417", "warning", 9, None, 1, None, {"pnu": 5, "subindex": 0} | back),
-        Finding("DS415", "note", 9, None, 1),
-        Finding("DS719", "error", 9, None, 1, None, {"pnu": 76, "subindex": 1, "code": 0x6B}),
+        Finding("DS417", "warning", 9, [9], 1, None, {"pnu": 4, "subindex": 0} | back),
+        Finding("DS417", "warning", 9, [9], 1, None, {"pnu": 5, "subindex": 0} | back),
+        Finding("DS415", "note", 9, [9], 1),
+        Finding("DS719", "error", 9, [9], 1, None, {"pnu": 76, "subindex": 1, "code": 0x6B}),
     ]
     job = handmade.transaction(state="error")
     lines = opening(capture(job, findings=findings, diagnoses=[diagnosis()]))
@@ -710,7 +712,7 @@ def test_the_capture_ends_after_the_last_read_and_not_after_one_before():
 @pytest.mark.parametrize("args", [{"length": 46}, {"length": None, "completed": 4}, {}])
 def test_a_cut_record_of_which_a_damaged_result_lacks_facts_is_as_long_as_captured(args):
     item = handmade.transaction(response=b"\x01\x01\x01\x01")
-    cut = Finding("DS106", "warning", 4, None, 1, None, args)
+    cut = Finding("DS106", "warning", 4, [4], 1, None, args)
     told = plc.Witness(capture(item, findings=[cut])).text(item).en
     assert told.endswith("RDREC VALID, STATUS 00000000, LEN 4")
 

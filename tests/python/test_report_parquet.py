@@ -19,8 +19,9 @@ import pytest
 from ds47 import cli, report
 from ds47.analysis import analyze
 from ds47.model import CaptureResult, Parameter, ParameterError, Report, Transaction
-from ds47.report import CannotWriteError, ReportOptions, csv, ndjson, parquet
+from ds47.report import CannotWriteError, ReportOptions, csv, ndjson, parquet, write_all
 from ds47.report import json as contract
+from ds47.spec.units import timestamp
 
 TABLE = report.schema("table-1")
 
@@ -73,7 +74,7 @@ class Binary(io.TextIOWrapper):
 
 def table(arrow: Any, captures: list[CaptureResult]) -> Any:
     stream = Binary()
-    parquet.write(Report(captures), stream)
+    write_all(parquet.Writer(stream), Report(captures))
     assert not stream.closed
     stream.buffer.seek(0)
     return arrow.read_table(stream.buffer)
@@ -84,7 +85,7 @@ def rows(arrow: Any, captures: list[CaptureResult]) -> list[dict[str, Any]]:
     read = table(arrow, captures)
     numbers = read.column("start").cast("int64").to_pylist()
     return [
-        row | {"start": None if ns is None else contract.timestamp(ns)}
+        row | {"start": None if ns is None else timestamp(ns)}
         for row, ns in zip(read.to_pylist(), numbers, strict=True)
     ]
 
@@ -141,7 +142,7 @@ def test_the_line_of_ndjson_is_that_of_the_report():
 @pytest.mark.slow
 def test_every_line_of_ndjson_is_valid(results):
     stream = io.StringIO()
-    ndjson.write(Report(results), stream)
+    write_all(ndjson.Writer(stream), Report(results))
     check = jsonschema.Draft202012Validator(report.schema("transaction-2"))
     lines = stream.getvalue().removesuffix("\n").split("\n")
     assert len(lines) > 300
@@ -151,7 +152,7 @@ def test_every_line_of_ndjson_is_valid(results):
 
 def test_every_row_of_csv_is_valid(results):
     stream = io.StringIO()
-    csv.write(Report(results), stream)
+    write_all(csv.Writer(stream), Report(results))
     text = stream.getvalue()
     read = list(csv_module.DictReader(io.StringIO(text, newline="")))
     assert text.count("\n") == len(read) + 1, "a row is a line"
@@ -364,7 +365,7 @@ def test_csv_cells_are_text(text, cell):
 def test_csv_arrays_stay_json(tmp_path):
     texts = ["\x1b[2J", "\x9b\x7f", "é名=", "\\x1b"]
     stream = io.StringIO()
-    csv.write(Report([capture(transaction(value("VisibleString8", *texts)))]), stream)
+    write_all(csv.Writer(stream), Report([capture(transaction(value("VisibleString8", *texts)))]))
     (row,) = csv_module.DictReader(io.StringIO(stream.getvalue(), newline=""))
     assert row["values"].isprintable()
     assert json.loads(row["values"]) == texts

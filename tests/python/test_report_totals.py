@@ -22,13 +22,13 @@ from ds47.model import (
     Report,
     Transaction,
 )
-from ds47.report import ReportOptions
+from ds47.report import ReportOptions, write_all
 from ds47.report.bilingual import Both
 from ds47.report.html.views import Overview, capture_view
 from ds47.report.html.views.drives import drives
 from ds47.report.html.views.elements import elements
 from ds47.report.latency import Latency, percentile
-from ds47.report.overview import CaptureRow, document, lines, total, worst_first, write
+from ds47.report.overview import CaptureRow, Writer, document, lines, total, worst_first
 from ds47.report.todo import answering, uncovered
 from ds47.report.verdict import VerdictCounts, blind, verdict
 from ds47.report.zones import zone
@@ -38,7 +38,7 @@ MS = 1_000_000
 
 
 def finding(rule: str, job: int | None = None, severity: str = "error", **args: Any) -> Finding:
-    return Finding(rule, severity, 9, None, job, None, args)
+    return Finding(rule, severity, 9, [9], job, None, args)
 
 
 def capture(*jobs: Transaction, **changes: Any) -> CaptureResult:
@@ -491,7 +491,7 @@ def test_the_overview_as_a_document_has_a_row_for_each_capture_the_worst_first()
 
 def test_the_overview_is_written_line_by_line() -> None:
     stream = io.StringIO()
-    write(Report([capture(job(1))]), stream)
+    write_all(Writer(stream), Report([capture(job(1))]))
     assert stream.getvalue().startswith(
         "1 capture: 1 without problems\n  9 frames, 1 transaction: 1 ok"
     )

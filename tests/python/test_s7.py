@@ -46,6 +46,7 @@ from ds47.model import CaptureResult, Transaction
 from ds47.profinet.link import Packet
 from ds47.report import contract, schema
 from ds47.report import json as report
+from ds47.report.contract import TRANSACTION
 from ds47.s7 import addresses, pdu
 from ds47.s7 import tpkt as iso
 from ds47.s7.choices import Choices
@@ -728,10 +729,10 @@ def test_transactions_of_other_channels_have_no_keys_of_s7() -> None:
     names = {key.name for key in contract.TRANSACTION.keys if key.channel}
     assert names == {"connection", "items", "r_id", "error", "segments"}
     found = one(capture(Talk().opened().ask(get(1, READ), got(1, entry(b"abcd")))))
-    assert names <= report.transaction(found).keys()
+    assert names <= TRANSACTION.plain(found).keys()
     found.channel = "pkw"
-    assert not names & report.transaction(found).keys()
-    assert json.loads(report.transaction_line(found)) == report.transaction(found)
+    assert not names & TRANSACTION.plain(found).keys()
+    assert json.loads(report.transaction_line(found)) == TRANSACTION.plain(found)
 
 
 def test_user_data_that_is_no_bsend_is_counted() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from ds47.diagnosis import saving
 from ds47.diagnosis.saving import Moment, Unsaved
-from ds47.diagnosis.targets import LOCAL, Target, reach_of, target
+from ds47.diagnosis.targets import LOCAL, Target, reach_of, target_of
 
 TWO, THREE = Target(local=False, first=2), Target(local=False, first=3)
 NONE = Target(local=False, first=0)
@@ -41,9 +41,9 @@ def numbers(device: Unsaved) -> tuple[int, int, int, int, int] | None:
 
 
 def test_under_0xb02e_the_slot_decides_elsewhere_the_axis_byte() -> None:
-    assert target(2, 1, LOCAL, 7) == target(2, 1, LOCAL, None) == SLOT
-    assert target(2, 1, 47, 7) == target(9, 9, 0xB02F, 7) == Target(local=False, first=7)
-    assert target(2, 1, 47, None) == NONE
+    assert target_of(2, 1, LOCAL, 7) == target_of(2, 1, LOCAL, None) == SLOT
+    assert target_of(2, 1, 47, 7) == target_of(9, 9, 0xB02F, 7) == Target(local=False, first=7)
+    assert target_of(2, 1, 47, None) == NONE
 
 
 def test_two_requests_of_one_axis_or_slot_go_to_one_drive_object_those_of_axis_0_need_not() -> None:
@@ -79,9 +79,9 @@ def test_the_way_to_a_drive_object_has_an_axis_except_under_0xb02e() -> None:
 def test_a_change_behind_the_save_in_one_request_is_not_saved() -> None:
     """Both have the moment of their request."""
     device = changed(at(5, 1))
-    device.save_all(at(5, 1), seen=True)
+    device.save(at(5, 1), None, seen=True)
     assert numbers(device) == (1, 0, 1, 5, 5)
-    device.save_all(at(5, 2), seen=True)
+    device.save(at(5, 2), None, seen=True)
     assert numbers(device) is None
 
 
@@ -120,7 +120,7 @@ def test_a_later_save_settles_what_was_open_on_its_drive_object_alone() -> None:
     device.save(at(4), TWO, seen=True)
     device.change(at(5), TWO, P1120, seen=True)
     assert numbers(device) == (1, 1, 1, 5, 5)
-    device.save_all(at(4), seen=True)
+    device.save(at(4), None, seen=True)
     assert numbers(device) == (1, 0, 1, 5, 5)
 
 
@@ -133,10 +133,10 @@ def many(count: int) -> Unsaved:
 
 def test_a_save_among_the_newest_changes_takes_each_before_it() -> None:
     device = many(16)
-    device.save_all(at(3), seen=True)
+    device.save(at(3), None, seen=True)
     assert numbers(device) == (14, 0, 1, 3, 16)
     device = many(17)
-    device.save_all(at(3), seen=True)
+    device.save(at(3), None, seen=True)
     assert numbers(device) == (15, 0, 1, 3, 17)
 
 
@@ -144,21 +144,21 @@ def test_which_of_the_older_changes_a_save_reached_is_not_known() -> None:
     """20 changes, of which 4 are told by their span: frames 1 to 4."""
     device = many(20)
     assert numbers(device) == (20, 0, 1, 1, 20)
-    device.save_all(at(3), seen=True)
+    device.save(at(3), None, seen=True)
     assert numbers(device) == (16, 4, 1, 5, 20)
-    device.save_all(at(5), seen=True)
+    device.save(at(5), None, seen=True)
     assert numbers(device) == (16, 0, 1, 5, 20)
 
 
 def test_a_save_before_all_of_the_older_changes_reached_none_of_them() -> None:
     device = many(20)
-    device.save_all(at(1), seen=True)
+    device.save(at(1), None, seen=True)
     assert numbers(device) == (20, 0, 1, 1, 20)
 
 
 def test_the_older_changes_are_counted_on_after_they_were_saved() -> None:
     device = many(20)
-    device.save_all(at(21), seen=True)
+    device.save(at(21), None, seen=True)
     assert numbers(device) is None
     for frame in range(31, 51):
         device.change(at(frame), TWO, P1120, seen=True)
@@ -167,7 +167,7 @@ def test_the_older_changes_are_counted_on_after_they_were_saved() -> None:
 
 def test_older_changes_stay_among_those_whose_save_is_not_known() -> None:
     device = many(20)
-    device.save_all(at(21), seen=False)
+    device.save(at(21), None, seen=False)
     device.change(at(30), THREE, P1120, seen=True)
     assert numbers(device) == (1, 20, 1, 30, 30)
     device.save(at(22), TWO, seen=True)
@@ -179,7 +179,7 @@ def test_the_span_of_older_changes_is_in_frames_whatever_the_order_in_which_they
 ):
     device = changed(at(50), at(10), *(at(frame) for frame in range(60, 76)))
     assert numbers(device) == (18, 0, 1, 10, 75)
-    device.save_all(at(20), seen=True)
+    device.save(at(20), None, seen=True)
     assert numbers(device) == (16, 2, 1, 60, 75)
 
 
@@ -215,7 +215,7 @@ def test_those_of_older_changes_are_named_too_and_forgotten_with_them() -> None:
     for frame in range(1, 25):
         device.change(at(frame), TWO, (2900 - frame,), seen=True)
     assert named(device) == ([*range(2876, 2892)], 2), "of 24 the 16 with the lowest numbers"
-    device.save_all(at(24), seen=True)
+    device.save(at(24), None, seen=True)
     assert named(device) == ([2876], 2)
 
 

@@ -22,6 +22,7 @@ from ds47.profidrive import Options, decode_request, decode_response, parameter
 from ds47.profinet import link, rpc
 from ds47.report import json
 from ds47.report.bilingual import LANGUAGES
+from ds47.report.contract import TRANSACTION
 from ds47.s7 import tcp
 
 HEADERS = 130
@@ -215,7 +216,7 @@ jobs = st.builds(_of_s7, transactions, numbers, st.lists(items, max_size=3), num
 @settings(max_examples=300)
 @given(st.one_of(transactions, jobs), st.sampled_from(LANGUAGES))
 def test_the_line_of_a_transaction_is_its_dictionary(item: Transaction, lang: str) -> None:
-    assert json.transaction_line(item, lang) == json.text(json.transaction(item, lang))
+    assert json.transaction_line(item, lang) == json.text(TRANSACTION.plain(item, lang))
 
 
 def test_a_value_that_is_no_json_is_an_error() -> None:

@@ -17,7 +17,7 @@ from tests.audit import cuts, holes, wire
 
 from ds47.analysis import analyze
 from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction
-from ds47.report import descriptions, formatting, text
+from ds47.report import descriptions, formatting, text, write_all
 
 ROOT = Path(__file__).parents[2]
 STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
@@ -118,7 +118,7 @@ def test_a_string_that_is_cut_is_no_value(tmp_path: Path) -> None:
         assert (item.attribute, item.value_count, item.values) == (attribute, count, [])
         assert told.transactions[number - 1].state == "ok"
     with StringIO() as stream:
-        text.write(Report([told]), stream)
+        write_all(text.Writer(stream), Report([told]))
         shown = stream.getvalue()
     assert "Oper" not in shown
     assert "p0700[1..3].text  4 frames" in shown

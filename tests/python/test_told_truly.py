@@ -24,7 +24,7 @@ from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Diagnosis, Finding, Report
-from ds47.report import ReportOptions, text
+from ds47.report import ReportOptions, text, write_all
 from ds47.report.html.views.problems import problems
 from ds47.report.sentences import advice_parts, sentence
 from ds47.report.todo import answering
@@ -132,7 +132,7 @@ def cut_report(captures: Path, tmp_path: Path, snap: int) -> list[str]:
             data = frame.data[:snap]
             writer.write(frame.time_ns, data, original_length=frame.original_length)
     stream = io.StringIO()
-    text.write(Report([analyze(path)]), stream)
+    write_all(text.Writer(stream), Report([analyze(path)]))
     return stream.getvalue().splitlines()[1:4]
 
 
@@ -788,7 +788,7 @@ ENDS = "it ends before responses of 192.168.47.2 to 192.168.47.1 have come: 1"
 def report_of(path: Path) -> tuple[CaptureResult, str]:
     result = analyze(path)
     stream = io.StringIO()
-    text.write(Report([result]), stream, ReportOptions(rules=rules()))
+    write_all(text.Writer(stream, ReportOptions(rules=rules())), Report([result]))
     return result, stream.getvalue()
 
 

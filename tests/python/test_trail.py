@@ -131,3 +131,13 @@ def test_where_no_change_matches_it_says_what_there_is(
     assert capsys.readouterr().err == (
         "ds47: error: no write matches --device nobody; there is 192.168.133.33 (press-1-drive)\n"
     )
+
+
+def test_what_is_wrong_with_a_capture_is_said_once(
+    captures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.pcapng"
+    cut.write_bytes((captures / "tour-machine.pcapng").read_bytes()[:3000])
+    assert main(["trail", str(cut)]) == 3
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"ds47: error: {cut}: damaged at byte")

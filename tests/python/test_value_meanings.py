@@ -18,6 +18,7 @@ from ds47.parameters.lists import ListedMessage, ListedParameter, ParameterList
 from ds47.parameters.naming import explain
 from ds47.report import contract, values
 from ds47.report import json as report_json
+from ds47.report.contract import PARAMETER
 from ds47.report.formatting import parameter
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -134,13 +135,13 @@ def test_json_says_it_and_keeps_what_lists_say() -> None:
         for lang in ("en", "zh"):
             found = values.meaning(item)
             assert found is not None
-            plain = report_json.parameter(item, lang)
+            plain = PARAMETER.plain(item, lang)
             assert plain["meaning"] == found.text(lang)
             assert json.loads(report_json._parameters([item], lang)) == [plain]
             again = contract.PARAMETER.load(plain, 0x002A)
             assert values.meaning(again) in (found, (found.text(lang),) * 2)
-            assert report_json.parameter(again, lang) == plain
-    assert "meaning" not in report_json.parameter(of(722, [1]), "en")
+            assert PARAMETER.plain(again, lang) == plain
+    assert "meaning" not in PARAMETER.plain(of(722, [1]), "en")
 
 
 @pytest.mark.parametrize("lua", LUAS)

@@ -38,6 +38,7 @@ from ds47.live.show import NdjsonShow, Tally
 from ds47.live.traffic import Live
 from ds47.model import Finding, Transaction
 from ds47.report import schema
+from ds47.report.contract import FINDING, TRANSACTION
 from ds47.report.sentences import sentence
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -203,16 +204,14 @@ def test_watch_and_report_say_the_same(source: Path, tmp_path: Path) -> None:
         at_once = [each for each in findings if each != "DS101"]
         return json.dumps([start, frames, state, at_once], sort_keys=True)
 
-    from ds47.report import json as contract
-
-    wanted = [contract.transaction(each) for each in result.transactions]
+    wanted = [TRANSACTION.plain(each) for each in result.transactions]
     assert sorted(
         comparable(e["start"], e["frames"], e["state"], e["findings"]) for e in last.values()
     ) == sorted(comparable(e["start"], e["frames"], e["state"], e["findings"]) for e in wanted)
     for line in lines:
         told += line.get("findings", []) + ([line["finding"]] if "finding" in line else [])
     seen = {(each["rule"], each["frame"], each["message"]) for each in told}  # type: ignore[index]
-    reported = [contract.finding(each) for each in result.findings]
+    reported = [FINDING.plain(each) for each in result.findings]
     assert seen == {(each["rule"], each["frame"], each["message"]) for each in reported}
     assert show.tally.severities.total() == len(reported)
     assert +show.tally.states == {

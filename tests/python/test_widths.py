@@ -18,7 +18,7 @@ from ds47 import spec
 from ds47.analysis import analyze
 from ds47.cli import main
 from ds47.model import Report
-from ds47.report import ReportOptions, overview, text
+from ds47.report import ReportOptions, overview, text, write_all
 from ds47.report.changes import Writer as Trail
 from ds47.report.selection import Selection
 from ds47.report.table import table
@@ -142,8 +142,8 @@ def test_of_every_capture(part: int) -> None:
             for width in WIDTHS:
                 options = ReportOptions(rules=spec.rules(), lang=lang, width=width, color=True)
                 stream = io.StringIO()
-                text.write(Report([result, result]), stream, options)
-                overview.write(Report([result]), stream, options)
+                write_all(text.Writer(stream, options), Report([result, result]))
+                write_all(overview.Writer(stream, options), Report([result]))
                 Trail(stream, "text", options).capture(result, Selection())
                 assert list(too_wide(stream.getvalue().splitlines(), width)) == [], path
 

@@ -42,6 +42,7 @@ from ds47.capture.writer import PcapngWriter
 from ds47.lab.cyclic import OUTPUT, PKW
 from ds47.model import Transaction
 from ds47.report import json as report
+from ds47.report.contract import TRANSACTION
 from ds47.spec import codes
 from ds47.wireshark import fields
 from ds47.wireshark.engine import Engine
@@ -67,7 +68,7 @@ def saved(folder: Path, content: bytes) -> Path:
 
 def told(item: Transaction) -> dict[str, Any]:
     """A transaction without the rules that the plugin does not know."""
-    plain = report.transaction(item)
+    plain = TRANSACTION.plain(item)
     known = of_transactions({"rule": rule} for rule in plain["findings"])
     return plain | {"findings": [each["rule"] for each in known]}
 
@@ -280,7 +281,7 @@ def test_both_engines_say_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_value_says_what_it_means(tshark: Tshark, tmp_path: Path) -> None:
     machine = Machine().connect().ask("139a000000000000").respond("139a000000000161")
     path = saved(tmp_path, machine.ask(IDLE).respond(IDLE).capture())
-    (parameter,) = report.transaction(analyze(path).transactions[0])["parameters"]
+    (parameter,) = TRANSACTION.plain(analyze(path).transactions[0])["parameters"]
     assert "telegram 353" in parameter["meaning"]
     found = tshark(
         "-r", path, *COMPLETE, "-Y", "ds47.meaning", *columns("ds47.pnu", "ds47.meaning")

@@ -11,7 +11,7 @@ from test_wireshark_plugin import CAPTURES, COMPLETE, Tshark, columns, rows, tsh
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.model import Parameter
 from ds47.report import descriptions
-from ds47.report.json import transaction
+from ds47.report.contract import TRANSACTION
 from ds47.wireshark.engine import Engine
 
 __all__ = ["tshark"]  # a fixture
@@ -118,5 +118,7 @@ def test_a_physical_value_can_be_filtered(tshark: Tshark) -> None:
 def test_the_engine_reads_what_was_described(tshark: Tshark) -> None:
     native = analyze(DESCRIBED)
     found = Engine("tshark", AnalysisOptions()).analyze(DESCRIBED)
-    assert list(map(transaction, found.transactions)) == list(map(transaction, native.transactions))
+    assert list(map(TRANSACTION.plain, found.transactions)) == list(
+        map(TRANSACTION.plain, native.transactions)
+    )
     assert [each.parameters[0].described_in for each in found.transactions].count([20]) == 2

@@ -31,7 +31,7 @@ from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.model import STATES, Finding
 from ds47.profidrive.naming import element
-from ds47.report import json as report
+from ds47.report.contract import FINDING, TRANSACTION
 from ds47.report.html.views.findings import groups
 from ds47.report.sentences import sentence
 from ds47.spec import codes, formats, rules
@@ -190,7 +190,7 @@ def told(item: Finding) -> dict[str, Any]:
     args = dict(item.args)
     if args.get("dropped"):
         args["dropped"] = False
-    about = report.finding(replace(item, args=args))
+    about = FINDING.plain(replace(item, args=args))
     del about["filter"]
     about.pop("time", None)  # Wireshark has it beside each frame
     about["message"] = sentence(replace(item, args=args))
@@ -205,7 +205,7 @@ def with_all_args(each: dict[str, Any]) -> dict[str, Any]:
 def expected(path: Path) -> fields.Fields:
     result = analyze(path)
     findings = of_transactions(told(each) for each in result.findings)
-    return fields.Fields([report.transaction(each) for each in result.transactions], findings)
+    return fields.Fields([TRANSACTION.plain(each) for each in result.transactions], findings)
 
 
 def same_result(pdml: bytes, path: Path) -> None:
@@ -756,7 +756,7 @@ def test_another_index_can_be_ours(tshark: Tshark, make: Any) -> None:
     options = AnalysisOptions(indices=frozenset({0x1234}))
     assert usual.transactions == []
     assert more.transactions == [
-        report.transaction(each) for each in analyze(path, options).transactions
+        TRANSACTION.plain(each) for each in analyze(path, options).transactions
     ]
     assert len(more.transactions) == 1
 

@@ -28,6 +28,7 @@ from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.model import Report
 from ds47.report import csv as csv_report
+from ds47.report import write_all
 from ds47.wireshark import install
 from ds47.wireshark.bundle import bundle, plugin_sources
 
@@ -133,7 +134,7 @@ def test_reports_are_those_of_the_analyzer(
     result.path = name
     assert "".join(text.read_text("utf-8").split()) == told_by_json(result, "en")
     expected = io.StringIO()
-    csv_report.write(Report([result]), expected)
+    write_all(csv_report.Writer(expected), Report([result]))
     assert table.read_bytes().decode() == expected.getvalue()
 
 
@@ -148,7 +149,7 @@ def test_the_rows_of_many_conversations_at_once_are_those_of_the_analyzer(
     result = analyze(path, AnalysisOptions(ignore=ANALYZER_ONLY))
     result.path = "dense"
     expected = io.StringIO()
-    csv_report.write(Report([result]), expected)
+    write_all(csv_report.Writer(expected), Report([result]))
     lines = table.read_bytes().decode().splitlines()
     assert len(lines) > 500
     assert sorted(lines) == sorted(expected.getvalue().splitlines())

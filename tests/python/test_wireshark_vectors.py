@@ -22,7 +22,7 @@ from ds47.capture.writer import PcapngWriter
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.profidrive import Options
-from ds47.report import json as report
+from ds47.report.contract import TRANSACTION
 from ds47.wireshark import fields
 
 VECTORS = json.loads(
@@ -47,7 +47,7 @@ def shark(home: Path, path: Path, options: AnalysisOptions) -> fields.Fields:
 def native(path: Path, options: AnalysisOptions) -> fields.Fields:
     result = analyze(path, options)
     findings = of_transactions(told(each) for each in result.findings)
-    return fields.Fields([report.transaction(each) for each in result.transactions], findings)
+    return fields.Fields([TRANSACTION.plain(each) for each in result.transactions], findings)
 
 
 def compare(name: str, found: fields.Fields, wanted: fields.Fields) -> None:

@@ -11,7 +11,7 @@ from itertools import islice
 
 from ds47.profibus import PROFIBUS_DL, listing
 from ds47.profibus.stream import TelegramReader, split
-from ds47.profibus.telegram import SD1, SD2, SD3, Telegram
+from ds47.profibus.telegram import Telegram
 
 from . import text
 from .frame import Frame, Interface, WholeFrame
@@ -107,15 +107,8 @@ def recognised(window: Window) -> BusLogReader | None:
     if encoding is not None:
         lines = text.lines([head], encoding)
         found = (each for each in listing.read(lines) if isinstance(each, listing.LogEntry))
-        return BusLogReader(window, encoding) if any(map(_proves, _telegrams(found))) else None
-    proofs = sum(_proves(piece.telegram) for piece in split(head, border=False))
+        return (
+            BusLogReader(window, encoding) if any(each.telegram.proved for each in found) else None
+        )
+    proofs = sum(piece.telegram.proved for piece in split(head, border=False))
     return BusLogReader(window, None) if proofs >= _PROOFS else None
-
-
-def _telegrams(found: Iterable[listing.LogEntry]) -> Iterator[Telegram]:
-    return (each.telegram for each in found)
-
-
-def _proves(item: Telegram) -> bool:
-    """Whether a frame has check byte and end byte, and both are right."""
-    return item.kind in (SD1, SD2, SD3) and not item.flaws

@@ -13,7 +13,7 @@ from typing import Final
 
 from ds47.profibus import PROFIBUS_DL
 from ds47.profibus.stream import split
-from ds47.profibus.telegram import SC, SD4, Telegram, decode
+from ds47.profibus.telegram import decode
 
 from . import text
 from .frame import Frame, WholeFrame
@@ -146,7 +146,7 @@ def recognised(window: Window) -> HexDumpReader | None:
 
 def _link_type(packets: Sequence[bytes]) -> int | None:
     """What the bytes begin with, if any of them show it."""
-    if any(_proved(decode(each)) for each in packets if each):
+    if any(decode(each).proved for each in packets if each):
         return PROFIBUS_DL
     for link_type in _LINKS:
         if any(_is_ipv4(each, link_type) for each in packets):
@@ -172,9 +172,5 @@ def _is_ipv4(data: bytes, link_type: int) -> bool:
 def _telegrams(data: bytes) -> list[bytes]:
     """The frames of PROFIBUS in bytes without borders; none where fewer than _SEVERAL are proved."""
     pieces = split(data)
-    proved = sum(_proved(each.telegram) for each in pieces)
+    proved = sum(each.telegram.proved for each in pieces)
     return [each.telegram.data for each in pieces] if proved >= _SEVERAL else []
-
-
-def _proved(item: Telegram) -> bool:
-    return not item.flaws and item.kind not in (SC, SD4)

@@ -218,8 +218,10 @@ def command(
         reference=None if reference is None else _reference(reference), detail=detail,
         captures=len(found), filters=filters, required=bool(required),
     )  # fmt: skip
-    said = Heading(title, order, customer, author)
-    heading = _heading(said, paths) if name == "html" else said
+    heading = Heading(title, order, customer, author)
+    if name == "html":
+        with refused(CaptureError):  # what is not typed is as ds47.toml has it
+            heading = heading.over(heading_for(paths))
     with output(output_name) as stream:
         only_s7 = execution.analysis.channels == (S7,)
         writer = _writer(name, stream, fail_on, shown._replace(s7=only_s7, heading=heading))
@@ -252,12 +254,6 @@ def command(
         return 0
     tell_empty(run.blank, NOT_OURS)
     return int(bool(run.blank) or run.worst >= SEVERITIES.index(fail_on))
-
-
-def _heading(said: Heading, paths: Sequence[str]) -> Heading:
-    """The title block: what is typed, and what is not as `ds47.toml` has it."""
-    with refused(CaptureError):
-        return said.over(heading_for(paths))
 
 
 _ONLY_IN = {

@@ -6,11 +6,10 @@ Here: options, finding the files, exit status. What is printed is `ds47.report.c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from ds47.capture.names import about
 from ds47.cli.common import (
     Misses,
     color,
@@ -34,9 +33,6 @@ from ds47.cli.series import series_option, tasks, tell_lacking, tell_nothing
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
 from ds47.report.zones import Zone
-
-if TYPE_CHECKING:
-    pass
 
 
 @helped("trail", ("ds47 trail machine.pcapng --pnu p1120", "who changed p1120, from what to what"))
@@ -90,8 +86,6 @@ def command(
                 words = say("trail_unproved", path=escape(result.path), n=left, do=asked)
                 warn(words.text(lang))
             tell_nothing(result, lang)
-            if not result.complete:
-                misses(about(task.path, result.problem or ""))
             tell_lacking(task.path, result.missing_files, result.lacking, misses)
         writer.close()
     if choice and not changes:

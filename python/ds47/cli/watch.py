@@ -195,7 +195,7 @@ class _Watch:
 
         feed = Feed(
             descriptor,
-            self._summary,
+            lambda: self._show.summary(self._frames()),
             end,
             drain=running is not None,
             follow=follow,
@@ -209,9 +209,6 @@ class _Watch:
             click.echo(f"ds47: {hint}", err=True)
         with feed.listening(keys):
             return self._read(feed, running)
-
-    def _summary(self) -> None:
-        self._show.summary(self._frames())
 
     def _read(self, feed: Feed, running: Dumpcap | None) -> int:
         from ds47.capture import CaptureError, open_capture

@@ -59,11 +59,6 @@ class PkwMessage(NamedTuple):
         """Whether the page is one that exists: what is set beyond that speaks for the other layout."""
         return not self.page & _NO_PAGE and self.pnu is not None
 
-    @property
-    def pwe(self) -> bytes:
-        """Both words of the value, as they were sent."""
-        return struct.pack(">HH", self.pwe1, self.pwe2)
-
 
 def decode(
     data: bytes, answer: bool, layout: str = CYCLIC, family: str | None = None

@@ -34,16 +34,9 @@ def _is_stopping(stw1: int, ending: cyclic.Stopping) -> bool:
     return not all(stw1 >> bit & 1 for bit in ending.bits)
 
 
-def missing(stw1: int, setpoint: bool = True) -> tuple[cyclic.Needed, ...]:
-    """The bits that a control word lacks, in the order in which a drive asks for them.
-
-    Args:
-        stw1: the control word.
-        setpoint: those too without which it runs, but does not turn.
-    """
-    return tuple(
-        row for row in cyclic.needed() if not stw1 >> row.bit & 1 and (setpoint or not row.setpoint)
-    )
+def missing(stw1: int) -> tuple[cyclic.Needed, ...]:
+    """The bits that a control word lacks, in the order in which a drive asks for them."""
+    return tuple(row for row in cyclic.needed() if not stw1 >> row.bit & 1)
 
 
 REVERSE = 11

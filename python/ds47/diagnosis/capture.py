@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from ds47.acyclic.index47 import SHARED_INDEX
 from ds47.acyclic.judge import Ways, asker
@@ -46,28 +46,9 @@ Pair = tuple[str, str]
 """Controller and device."""
 Place = tuple[int, int, int, int]
 """API, slot, subslot and record index."""
-
+Spot = tuple[int, int, int]
+"""The same without the API, which is not told everywhere."""
 _V = TypeVar("_V")
-
-
-class _Memory(Generic[_V]):
-    """The newest entries by key; the oldest goes first."""
-
-    def __init__(self) -> None:
-        self.entries: OrderedDict[Any, _V] = OrderedDict()
-
-    def put(self, key: object, value: _V) -> _V:
-        entries = self.entries
-        entries[key] = value
-        if len(entries) > known().history:
-            entries.popitem(last=False)
-        return value
-
-    def get(self, key: object) -> _V | None:
-        return self.entries.get(key)
-
-    def items(self) -> list[tuple[Any, _V]]:
-        return list(self.entries.items())
 
 
 class _Open(NamedTuple):
@@ -165,24 +146,24 @@ class WholeCapture:
     def __init__(self, completeness: Completeness | None = None, ways: Ways | None = None) -> None:
         self._completeness = completeness
         self._ways: Ways = OrderedDict() if ways is None else ways
-        self._opened: _Memory[list[_Open]] = _Memory()
-        self._idle: _Memory[list[_Read]] = _Memory()
-        self._idle_reads: _Memory[_Tally] = _Memory()
+        self._opened: OrderedDict[Pair, list[_Open]] = OrderedDict()
+        self._idle: OrderedDict[Pair, list[_Read]] = OrderedDict()
+        self._idle_reads: OrderedDict[str, _Tally] = OrderedDict()
         """All of them by device, however many are kept."""
         self._explained: set[Pair] = set()
         """Whose Reads for nothing DS706 explains, all of them,"""
         self._elsewhere: set[Pair] = set()
         """and of whom it is said at all."""
-        self._orphans: _Memory[list[_Read]] = _Memory()
-        self._foreign: _Memory[tuple[_Tally, dict[str, Any]]] = _Memory()
-        self._answering: _Memory[Place] = _Memory()
-        self._refusing: _Memory[tuple[_Tally, int]] = _Memory()
-        self._accepting: _Memory[bool] = _Memory()
-        self._axes: _Memory[dict[int, int]] = _Memory()
-        self._unsaved: _Memory[Unsaved] = _Memory()
-        self._asking: _Memory[bool] = _Memory()
+        self._orphans: OrderedDict[Pair, list[_Read]] = OrderedDict()
+        self._foreign: OrderedDict[tuple[str, int], tuple[_Tally, dict[str, Any]]] = OrderedDict()
+        self._answering: OrderedDict[tuple[str, int, int], Place] = OrderedDict()
+        self._refusing: OrderedDict[tuple[str, Place], tuple[_Tally, int]] = OrderedDict()
+        self._accepting: OrderedDict[tuple[str, Spot], bool] = OrderedDict()
+        self._axes: OrderedDict[tuple[str, Place], dict[int, int]] = OrderedDict()
+        self._unsaved: OrderedDict[str, Unsaved] = OrderedDict()
+        self._asking: OrderedDict[tuple[str, str, Spot], bool] = OrderedDict()
         self.repetition = Repetition()
-        self._seen: _Memory[_Seen] = _Memory()
+        self._seen: OrderedDict[Pair, _Seen] = OrderedDict()
         """By pair of stations."""
         self._cut = _Tally()
         self._disorder = _Tally()
@@ -221,8 +202,8 @@ class WholeCapture:
             self._changed_unseen(job)
             return
         asks = job.peer.controller, device, place[1:]
-        if asks not in self._asking.entries:
-            self._asking.put(asks, True)
+        if asks not in self._asking:
+            put(self._asking, asks, True)
         self._slot(device, place, job)
         if job.read_response is None:
             self._open(pair, place, job)
@@ -242,7 +223,7 @@ class WholeCapture:
             tally = self._idle_reads.get(peer.device)
             sure = missing is None
             if sure:
-                (tally or self._idle_reads.put(peer.device, _Tally())).add(half.frame)
+                (tally or put(self._idle_reads, peer.device, _Tally())).add(half.frame)
             _append(self._idle, pair, _Read(_ar(record), place, None, None, half.frame, sure))
         else:
             self._refusal(peer.device, place, half.status, half.frame)
@@ -256,15 +237,15 @@ class WholeCapture:
         asked, answer = record.request, record.response
         if asked is not None and record.index == SHARED_INDEX:
             if answer is None or not answer.status:
-                self._unsaved_of(peer.device).save_all((asked.frame, 0), seen=False)
+                self._unsaved_of(peer.device).save((asked.frame, 0), None, seen=False)
             return
         if asked is None:
             spot = _place(record)[1:]
             asks = peer.controller, peer.device, spot
-            if asks not in self._asking.entries:
-                self._asking.put(asks, True)
+            if asks not in self._asking:
+                put(self._asking, asks, True)
             if answer is not None and answer.status == 0:
-                self._accepting.put((peer.device, spot), True)
+                put(self._accepting, (peer.device, spot), True)
             return
         if answer is None or len(asked.data) > known().channel_bytes:
             return
@@ -276,7 +257,7 @@ class WholeCapture:
         key = peer.device, record.index
         status = None if answer.status is None else status_hex(answer.status)
         args = {"index": record.index, "device": peer.device, "status": status}
-        tally, _ = self._foreign.get(key) or self._foreign.put(key, (_Tally(), args))
+        tally, _ = self._foreign.get(key) or put(self._foreign, key, (_Tally(), args))
         tally.add(asked.frame)
 
     def cut(self, cut: Cut) -> None:
@@ -315,7 +296,7 @@ class WholeCapture:
                 yield Remark("DS725", remark.frame, {"what": "excerpt"})
 
     def _seen_of(self, pair: Pair) -> _Seen:
-        return self._seen.entries.get(pair) or self._seen.put(pair, _Seen())
+        return self._seen.get(pair) or put(self._seen, pair, _Seen())
 
     def _newest_hole(self, device: str) -> int:
         """The newest frame behind which something of a device may be missing; 0 for none."""
@@ -384,8 +365,8 @@ class WholeCapture:
         answer, read = job.write_response, job.read_response
         spot = device, place[1], place[2]
         self._accept(device, place, job)
-        if read is not None and read.data and spot not in self._answering.entries:
-            self._answering.put(spot, place)
+        if read is not None and read.data and spot not in self._answering:
+            put(self._answering, spot, place)
         if answer is not None and answer.status:
             self._refusal(device, place, answer.status, answer.frame)
         if read is not None and read.status:
@@ -395,18 +376,18 @@ class WholeCapture:
         if (status >> 8) & 0xFF != _INVALID_SLOT and status & 0xFFFFFF00 != _NO_ACCESS:
             return
         key = device, place
-        tally, first = self._refusing.get(key) or self._refusing.put(key, (_Tally(), status))
+        tally, first = self._refusing.get(key) or put(self._refusing, key, (_Tally(), status))
         if frame < tally.first:  # jobs are not closed in the order of their frames
             first = status
-        self._refusing.entries[key] = tally, first
+        self._refusing[key] = tally, first
         tally.add(frame)
 
     def _accept(self, device: str, place: Place, job: Job) -> None:
         """Whether a request to the place was accepted, or a response read there, in any API: none is told."""
         answer, read, spot = job.write_response, job.read_response, (device, place[1:])
         taken = answer is not None and answer.status == 0
-        if spot not in self._accepting.entries and (taken or (read is not None and read.data)):
-            self._accepting.put(spot, True)
+        if spot not in self._accepting and (taken or (read is not None and read.data)):
+            put(self._accepting, spot, True)
 
     def _slots(self) -> Iterator[Remark]:
         for (device, place), (tally, status) in self._refusing.items():
@@ -426,20 +407,14 @@ class WholeCapture:
         message, response, read = job.message, job.response, job.read_response
         if message is None or not message.axis or response is None or read is None:
             return  # axis 0 names no drive object
-        axes = self._axes.get((device, place))
-        if axes is None:
-            axes = self._axes.put((device, place), {})
+        axes = self._axes.get((device, place)) or put(self._axes, (device, place), {})
         missing = any(b.error and b.error.code == known().axis_error for b in response.blocks)
         axes.setdefault(_NO_AXIS if missing else message.axis, read.frame)
 
     def _ignored_axes(self) -> Iterator[Remark]:
         for (device, place), axes in self._axes.items():
             if len(axes) > 1 and _NO_AXIS not in axes:  # else the axis counts there
-                args = {
-                    "axes": sorted(axes),
-                    "device": device,
-                    "place": place_args(place),
-                }
+                args = {"axes": sorted(axes), "device": device, "place": place_args(place)}
                 yield Remark("DS710", sorted(axes.values())[1], args)
 
     # Changes that are not saved (DS721)
@@ -463,12 +438,9 @@ class WholeCapture:
         unsaved = self._unsaved_of(job.peer.device)
         unsaved.family = who.drives
         moment = asked.frame, job.record.position
-        target = target_of(job.record, message.axis)
+        target = target_of(*_place(job.record)[1:], message.axis)
         for whole, seen in effect.saves:
-            if whole:
-                unsaved.save_all(moment, seen=seen)
-            else:
-                unsaved.save(moment, target, seen=seen)
+            unsaved.save(moment, None if whole else target, seen=seen)
         for seen, pnus in effect.changes:
             unsaved.change(moment, target, pnus, seen=seen)
 
@@ -480,16 +452,16 @@ class WholeCapture:
         known = None if response is None else response.response_id
         if known in _OF_CHANGES or (known is None and read.cut):
             moment = read.frame, job.record.position
-            self._unsaved_of(job.peer.device).save_all(moment, seen=False)
+            self._unsaved_of(job.peer.device).save(moment, None, seen=False)
 
     def _unsaved_of(self, device: str) -> Unsaved:
-        return self._unsaved.get(device) or self._unsaved.put(device, Unsaved())
+        return self._unsaved.get(device) or put(self._unsaved, device, Unsaved())
 
     def _lost(self) -> Iterator[Remark]:
         lacks = self._completeness
         for device, unsaved in self._unsaved.items():
             if lacks is not None and (hole := lacks.newest_gap(device)):
-                unsaved.save_all((hole, 0), seen=False)
+                unsaved.save((hole, 0), None, seen=False)
             facts = unsaved.told()
             if facts is not None:
                 first = facts.pop("first")
@@ -511,7 +483,7 @@ class WholeCapture:
         if self._completeness is not None and self._completeness.late:
             self._disorder.add(self._completeness.first_late)
             self._disorder.count += self._completeness.late - 1
-        if self._disorder.count and self._seen.entries:
+        if self._disorder.count and self._seen:
             args = {"what": "disorder", "count": self._disorder.count}
             yield Remark("DS725", self._disorder.first, args)
         for pair, seen in self._seen.items():
@@ -639,11 +611,9 @@ def _ar(record: Record) -> bytes | None:
     return None if record.implicit else record.ar
 
 
-def _append(memory: _Memory[list[_V]], key: object, item: _V) -> None:
+def _append(memory: OrderedDict[Pair, list[_V]], key: Pair, item: _V) -> None:
     """Keeps the first of each pair of stations: later ones of the same cause say no more."""
-    items = memory.get(key)
-    if items is None:
-        items = memory.put(key, [])
+    items = memory.get(key) or put(memory, key, [])
     if len(items) < known().of_pair:
         items.append(item)
 

@@ -152,16 +152,12 @@ def answer_too_long(
     half, request, response = job.read_response, job.message, job.response
     if half is None or request is None or response is None or request.operation != "read":
         return
-    if job.stray:
-        return  # it is the response to another request
+    if job.stray or half.missing:
+        return  # it is the response to another request, or not all of it is there
     longest = max(longest, len(half.data))
     limit = stated if stated is not None and stated >= longest else None
     most = limit or max(longest, known().channel_bytes)
-    found = (
-        None
-        if half.missing
-        else _without_room(request, response.blocks, len(half.data), most, size_of)
-    )
+    found = _without_room(request, response.blocks, len(half.data), most, size_of)
     if found is None:
         return
     what, number = found

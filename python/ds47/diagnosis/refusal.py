@@ -188,11 +188,8 @@ def _connector(refusal: Refusal) -> bool:
 def _index_and_count(refusal: Refusal) -> bool:
     """Whether index or count can be what the drive means: an address without both has neither."""
     address, code = refusal.address, refusal.code
-    if code in (0x04, 0x18):
-        return True
-    if code == 0x03:
-        return address.subindex > 0 or address.element_count > 1
-    return address.pnu != 0 and (address.element_count > 1 or address.subindex > 0)
+    both = address.subindex > 0 or address.element_count > 1
+    return code in (0x04, WRONG_COUNT) or (both and (code == NO_SUBINDEX or address.pnu != 0))
 
 
 def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:

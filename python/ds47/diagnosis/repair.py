@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 from ds47 import spec
+from ds47.diagnosis import is_unlikely
 from ds47.diagnosis.suggest import as_format, with_blocks
 from ds47.model import SIEMENS
 from ds47.profidrive import Block, Options, Request, Value, decode_request
@@ -35,8 +36,6 @@ _BOOLEAN: Final = 0x01
 _NUMBERS: Final = frozenset(("number", "float", "time_of_day", "duration"))
 _OTHER: Final = {("number", 4): 0x08, ("number", 8): 0x0F, ("float", 4): 0x04, ("float", 8): 0x37}
 """Kind and size of a format -> Float32, Float64, Integer32 or Integer64, as which the bits may be meant."""
-_LEAST_NORMAL: Final = {"f": 2.0**-126, "d": 2.0**-1022}
-_ABSURD: Final = 1e30
 _MARGIN: Final = 2
 """Of two readings of the same bytes one is meant if it has so many significant digits fewer."""
 
@@ -152,20 +151,8 @@ def _numbers(block: Block) -> list[Value]:
     return block.values if _kind(block) in _NUMBERS else []
 
 
-def _absurd(block: Block) -> bool:
-    """Whether a float is none that a drive has a use for: denormal, huge, not finite."""
-    row = _row(block)
-    if row is None or row.kind != "float":
-        return False
-    least = _LEAST_NORMAL[row.pack]
-    return any(
-        isinstance(value, str) or 0 < abs(value) < least or abs(value) > _ABSURD
-        for value in block.values
-    )
-
-
 def _absurd_inside(message: Request) -> bool:
-    return any(map(_absurd, message.blocks))
+    return any(map(is_unlikely, message.blocks))
 
 
 # The whole message ------------------------------------------------------------------------------
@@ -178,13 +165,16 @@ def _whole_message(
     found: dict[bytes, Repair] = {}
     for what, data in _swapped(request, message, known_pnu):
         fixed = _settled(data, options)
-        if fixed is None or not _makes_sense(fixed[1], known_pnu):
+        if fixed is None or _absurd_inside(fixed[1]):
+            continue
+        if not all(known_pnu(address.pnu) for address in fixed[1].addresses):
             continue
         # With every word turned round the values stood elsewhere: there is nothing to compare.
         if what == "all_bytes" or not _worse(message, fixed[1]):
             found.setdefault(fixed[0], Repair("DS715", what, fixed[0], {}, 0))
     # Where each second byte is zero, that explains the fill bytes as well.
-    layouts = _layouts("zeros", _without_zeros(request), options)
+    halves = (request[at::2] for at in (0, 1) if not any(request[1 - at :: 2]))
+    layouts = _layouts("zeros", halves, options)
     layouts = layouts or _layouts("even_offsets", _without_fill_bytes(request, options), options)
     return [*found.values(), *(each for each in layouts if each.request not in found)]
 
@@ -245,11 +235,6 @@ def _turned(block: Block) -> bytes:
     return b"".join(block.raw[i : i + size][::-1] for i in range(0, len(block.raw), size))
 
 
-def _makes_sense(message: Request, known_pnu: Callable[[int], bool]) -> bool:
-    known_all = all(known_pnu(address.pnu) for address in message.addresses)
-    return known_all and not _absurd_inside(message)
-
-
 def _worse(before: Request, after: Request) -> bool:
     """Whether a number that somebody may have typed is none any more."""
     return any(
@@ -266,12 +251,6 @@ def _layouts(what: str, candidates: Iterable[bytes | None], options: Options) ->
         for each in settled
         if each and not _absurd_inside(each[1])
     ]
-
-
-def _without_zeros(request: bytes) -> Iterator[bytes]:
-    for place in (0, 1):
-        if not any(request[1 - place :: 2]):
-            yield request[place::2]
 
 
 def _without_fill_bytes(request: bytes, options: Options) -> Iterator[bytes | None]:
@@ -348,30 +327,25 @@ def _meant(swapped: _Guess | None, retyped: _Guess | None) -> Repair | None:
     return retyped.repair if retyped.digits + _MARGIN <= swapped.digits else None
 
 
-class _Change:
+class _Change(NamedTuple):
     """A change that decodes, and what may be wrong with its values."""
 
-    def __init__(
-        self,
-        request: bytes,
-        message: Request,
-        errors: Mapping[int, int],
-        known_format: Callable[[int], int | None],
-        options: Options,
-    ) -> None:
-        self._request, self._message, self._errors = request, message, errors
-        self._known_format, self._options = known_format, options
+    request: bytes
+    message: Request
+    errors: Mapping[int, int]
+    known_format: Callable[[int], int | None]
+    options: Options
 
     def values_swapped(self) -> _Guess | None:
         """All values little-endian: at least one is absurd now, none is then."""
-        data = _little_endian(self._request, self._message, addresses=False)
-        fixed = _settled(data, self._options)
-        if fixed is None or any(map(self._of_other_type, range(len(self._message.blocks)))):
+        data = _little_endian(self.request, self.message, addresses=False)
+        fixed = _settled(data, self.options)
+        if fixed is None or any(map(self._of_other_type, range(len(self.message.blocks)))):
             return None
         digits: list[int] = []
         first = None
         for number, block in enumerate(fixed[1].blocks):
-            if block.raw == self._message.blocks[number].raw:
+            if block.raw == self.message.blocks[number].raw:
                 continue
             for value in block.values:
                 count = _digits(value)
@@ -391,11 +365,11 @@ class _Change:
     def other_format(self) -> _Guess | None:
         """The values that are absurd, or of a type that was refused, under another format."""
         changed: dict[int, Block] = {}
-        for number, block in enumerate(self._message.blocks):
+        for number, block in enumerate(self.message.blocks):
             new = self._retyped(number, block)
             if new is not None:
                 changed[number] = new
-        fixed = _settled(with_blocks(self._message, changed), self._options) if changed else None
+        fixed = _settled(with_blocks(self.message, changed), self.options) if changed else None
         if fixed is None or _absurd_inside(fixed[1]):
             return None
         each = tuple(self._described(number, new) for number, new in changed.items())
@@ -404,7 +378,7 @@ class _Change:
         return _Guess(Repair("DS714", "", fixed[0], first.args, first.number, each), max(counts))
 
     def _described(self, number: int, new: Block) -> Retyped:
-        old, address = self._message.blocks[number], self._message.addresses[number]
+        old, address = self.message.blocks[number], self.message.addresses[number]
         bits = "bits_same" if new.raw == old.raw else "number_other"
         if bits != "bits_same" and new.values == _numbers(old):
             bits = "number_same"
@@ -421,22 +395,22 @@ class _Change:
 
     def _wrong(self, number: int) -> bool:
         """Whether values are absurd by themselves, or the drive refused numbers that nobody types."""
-        block = self._message.blocks[number]
+        block = self.message.blocks[number]
         if self._is_connector(number):
             return False
-        refused = self._errors.get(number) in known().type_errors
-        return _absurd(block) or (
+        refused = self.errors.get(number) in known().type_errors
+        return is_unlikely(block) or (
             refused and any(_digits(value) is None for value in _numbers(block))
         )
 
     def _is_connector(self, number: int) -> bool:
         """Whether this is a known BICO input, whose value is no number (DS720 speaks of those)."""
-        siemens = self._options.vendor_id in (None, SIEMENS)
-        return siemens and self._message.addresses[number].pnu in known().connectors
+        siemens = self.options.vendor_id in (None, SIEMENS)
+        return siemens and self.message.addresses[number].pnu in known().connectors
 
     def _connector(self, number: int, digits: int) -> bool:
         """Whether values may be connectors, PNU in the upper word, rather than numbers turned round."""
-        block = self._message.blocks[number]
+        block = self.message.blocks[number]
         row = _row(block)
         if row is None or row.pack != "I":
             return False
@@ -445,19 +419,19 @@ class _Change:
 
     def _of_other_type(self, number: int) -> bool:
         """Whether the drive refused the type, and the parameter is known to have another one."""
-        wanted = self._known_format(self._message.addresses[number].pnu)
-        block = self._message.blocks[number]
-        refused = self._errors.get(number) in _WRONG_TYPE
+        wanted = self.known_format(self.message.addresses[number].pnu)
+        block = self.message.blocks[number]
+        refused = self.errors.get(number) in _WRONG_TYPE
         return refused and wanted is not None and wanted != block.format
 
     def _retyped(self, number: int, block: Block) -> Block | None:
-        wanted = self._known_format(self._message.addresses[number].pnu)
+        wanted = self.known_format(self.message.addresses[number].pnu)
         if block.meaning is not None or not _numbers(block) or self._is_connector(number):
             return None
         other = _other_reading(block) if self._wrong(number) else None
         if other is not None:
             return _written(block, other.values, other.format if wanted is None else wanted)
-        if wanted is None or not self._of_other_type(number) or _absurd(block):
+        if wanted is None or not self._of_other_type(number) or is_unlikely(block):
             return None
         return _written(block, block.values, wanted)
 

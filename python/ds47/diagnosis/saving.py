@@ -122,18 +122,12 @@ class Unsaved:
             changes, target = self._open, _ANYWHERE
         changes.setdefault(target, _Changes()).add(moment, pnus)
 
-    def save_all(self, moment: Moment, *, seen: bool) -> None:
-        """p0977: whatever was changed before is saved, if that was accepted."""
-        if seen:
-            self._settle(moment, None)
-        else:
-            self._doubt(moment, None)
-
-    def save(self, moment: Moment, target: Target, *, seen: bool) -> None:
-        """p0971: what was changed on that drive object is saved; of others that may not be known."""
-        if seen and target.is_known():
+    def save(self, moment: Moment, target: Target | None, *, seen: bool) -> None:
+        """p0971: what was changed on a drive object is saved, on others perhaps; p0977 (None): on all of them."""
+        if seen and (target is None or target.is_known()):
             self._settle(moment, target)
-        self._doubt(moment, target)
+        if target is not None or not seen:
+            self._doubt(moment, target)
 
     def _settle(self, moment: Moment, saved: Target | None) -> None:
         """What was changed on a drive object, or on all, is saved."""

@@ -50,14 +50,9 @@ class Corrected:
 def corrected(request: bytes, family: str | None = None) -> Corrected:
     """A request in the forms in which it is shown; `family`: whose parameters the drive has."""
     line = encode_command(request, family)
-    return Corrected(
-        request.hex(), plc_words(request), scl(request), line, _makes_block(request, line)
-    )
-
-
-def _makes_block(request: bytes, line: str | None) -> bool:
-    """Whether `ds47 encode -f scl-fb` takes it: a read or a change that one record holds everywhere."""
-    return line is not None and request[_ID] in (0x01, 0x02) and len(request) <= _LONGEST
+    # what ds47 encode -f scl-fb takes: a read or a change that one record holds everywhere
+    block = line is not None and request[_ID] in (0x01, 0x02) and len(request) <= _LONGEST
+    return Corrected(request.hex(), plc_words(request), scl(request), line, block)
 
 
 def plc_words(data: bytes) -> list[str]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ds47.acyclic.judge import Reach
 from ds47.profidrive.drive_objects import LOCAL
-from ds47.profinet.records import ChannelKey, Record
+from ds47.profinet.records import ChannelKey
 
 
 class Target(NamedTuple):
@@ -32,13 +32,8 @@ class Target(NamedTuple):
         return self.local or other.local or self == other or 0 in (self.first, other.first)
 
 
-def target_of(record: Record, axis: int | None) -> Target:
+def target_of(slot: int, subslot: int, index: int, axis: int | None) -> Target:
     """Whom a request addresses."""
-    return target(record.slot, record.subslot, record.index, axis)
-
-
-def target(slot: int, subslot: int, index: int, axis: int | None) -> Target:
-    """The same, of a place and an axis byte."""
     return Target(True, slot, subslot) if index == LOCAL else Target(False, axis or 0)
 
 

@@ -135,7 +135,11 @@ def _of_word(
 ) -> Iterator[CodeMeaning]:
     """A number of two bytes."""
     value = reading.value
-    errors = [*_wide_errors(value, kind, lang, vendor), *_s7_error(reading, kind, lang)]
+    ours = any(
+        value in each.errors for each in spec.vendors()
+    )  # beyond a byte only a vendor has errors
+    errors = list(_errors(value, lang, vendor)) if kind == "error" or (not kind and ours) else []
+    errors += _s7_error(reading, kind, lang)
     yield from errors
     returned = list(_returned(value, lang)) if kind is None else []
     yield from returned
@@ -164,20 +168,10 @@ def _status(status: int, lang: str, word: int | None = None) -> CodeMeaning:
     entry = _entry_of_status(status)
     turned = int.from_bytes(status.to_bytes(4, "little"), "big")
     if entry is None and _entry_of_status(turned) is not None:
-        inner = _status(turned, lang)
-        headline = inner.title.split(words["separator"], 1)[1]
-        title = words["bytes_reversed"].format(
-            given=status_hex(status), code=status_hex(turned), text=headline
-        )
-        return replace(inner, title=title)
+        return _meant(turned, "bytes_reversed", lang, given=status_hex(status))
     late = None if entry is not None else _read_too_early(status)
     if late is not None:
-        inner = _status(late, lang)
-        headline = inner.title.split(words["separator"], 1)[1]
-        title = words["bytes_shifted"].format(
-            given=status_hex(status), code=status_hex(late), text=headline
-        )
-        return replace(inner, title=title)
+        return _meant(late, "bytes_shifted", lang, given=status_hex(status))
     code = status_hex(status)
     if entry is None:
         text = f"{words['unknown_status']} ({status_text(status, lang)})"
@@ -195,6 +189,14 @@ def _status(status: int, lang: str, word: int | None = None) -> CodeMeaning:
         parts=_status_parts(status, lang), view=view, shown=code,
         filter_name=filter_name, values=_status_values(status),
     )  # fmt: skip
+
+
+def _meant(status: int, key: str, lang: str, **given: str) -> CodeMeaning:
+    """The meaning of a status that was given in another form, with words that say so."""
+    inner, words = _status(status, lang), explanations.words(lang)
+    headline = inner.title.split(words["separator"], 1)[1]
+    title = words[key].format(code=status_hex(status), text=headline, **given)
+    return replace(inner, title=title)
 
 
 def _read_too_early(status: int) -> int | None:
@@ -299,7 +301,7 @@ def _word(value: int, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
         elif decode == 0x70 and explanations.of_local(0, decode, first, 0):
             whole.append(0x00)
         elif decode in spec.status("en").code and first in _FOREIGN:
-            yield _half(value, lang)
+            yield _meant(value << 16, "half", lang, word=f"{value:04X}")
             return
     for code in whole:
         yield _status(code << 24 | value << 8, lang, value)
@@ -312,13 +314,6 @@ def _word(value: int, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
 
 _FOREIGN = (0xFE, 0xFF)
 """ErrorDecode that says whose codes the other two bytes are: with the first byte it is an answer already."""
-
-
-def _half(value: int, lang: str) -> CodeMeaning:
-    """The first two bytes of a status."""
-    inner, words = _status(value << 16, lang), explanations.words(lang)
-    headline = inner.title.split(words["separator"], 1)[1]
-    return replace(inner, title=words["half"].format(word=f"{value:04X}", text=headline))
 
 
 def _unknown_word(value: int, lang: str) -> CodeMeaning:
@@ -484,15 +479,6 @@ def _errors(value: int, lang: str, vendor: Maker | None) -> Iterator[CodeMeaning
         yield _error(value, text, maker.name, lang, whose, whole_range=row.last is not None)
     if not makers and value not in spec.errors():
         yield _error(value, spec.error_text(value, lang, _NOBODY), None, lang, vendor)
-
-
-def _wide_errors(
-    value: int, kind: str | None, lang: str, vendor: Maker | None
-) -> Iterator[CodeMeaning]:
-    """An error number beyond a byte: of the vendors that have it; of anyone's only where asked for one."""
-    known = any(value in each.errors for each in spec.vendors())
-    if kind == "error" or (kind is None and known):
-        yield from _errors(value, lang, vendor)
 
 
 def _s7_error(reading: forms.Reading, kind: str | None, lang: str) -> Iterator[CodeMeaning]:

@@ -27,14 +27,11 @@ def is_earlier_export(path: Path) -> bool:
         with open_capture(path) as capture:
             some = False
             for frame in capture.everything():
-                if not frame.comments or not _says_so(frame.comments[-1]):
+                last = frame.comments[-1] if frame.comments else ""
+                # a comment that is too long for a file has lost its end
+                if not (last.endswith(OF_THE_ORIGINAL) or PcapngWriter.is_cut(last)):
                     return False
                 some = True
             return some
     except (CaptureError, OSError):
         return False
-
-
-def _says_so(comment: str) -> bool:
-    """A comment that is too long for a file has lost its end."""
-    return comment.endswith(OF_THE_ORIGINAL) or PcapngWriter.is_cut(comment)

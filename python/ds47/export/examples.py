@@ -38,15 +38,12 @@ class Example:
     chosen: Chosen
 
 
-def examples(
-    result: CaptureResult, rules: tuple[str, ...] = (), names: dict[str, str] | None = None
-) -> list[Example]:
+def examples(result: CaptureResult, rules: tuple[str, ...] = ()) -> list[Example]:
     """The examples of a capture, the diagnoses first; those that have a frame.
 
     Args:
         result: a complete one, with its transactions.
         rules: how the ids of the wanted rules begin; none for all.
-        names: rule id -> name, to say these instead of the messages.
     """
     owners = {frame: each.id for each in result.transactions for frame in each.frames.all()}
     by_id = {each.id: each for each in result.transactions}
@@ -60,7 +57,7 @@ def examples(
         seen[item.rule] = seen.get(item.rule, 0) + 1
         number = f"-{seen[item.rule]}" if seen[item.rule] > 1 else ""
         name = f"{item.rule}-{spec.rules()[item.rule].name}{number}"
-        chosen = chosen_of(result, [by_id[each] for each in ids], frames, names)
+        chosen = chosen_of(result, [by_id[each] for each in ids], frames)
         found.append(Example(item.rule, name, item, chosen))
     return found
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from ds47.capture import Frame
 from ds47.export.selection import Chosen, Selection
 from ds47.model import S7
-from ds47.profinet.link import Packet, dissect
+from ds47.profinet.link import dissect
 from ds47.s7 import tcp
 from ds47.s7.connections import Connections
 from ds47.s7.model import At, S7Job
@@ -49,7 +49,9 @@ class S7Frames:
         if segment is None or not {segment.source.port, segment.destination.port} & self._ports:
             return
         if self._selection.by_frame:
-            if self._selection.in_time(frame.time_ns) and self._touches(packet):
+            ips = self._chosen.ips
+            touched = not ips or not ips.isdisjoint((packet.src_ip, packet.dst_ip))
+            if touched and self._selection.in_time(frame.time_ns):
                 self.wanted.add(frame.number)
             return
         self._connections.feed(segment, At(packet.frame, packet.time_ns))
@@ -67,7 +69,3 @@ class S7Frames:
         for frame in job.frames:
             if frame not in self._chosen.notes:
                 self._chosen.notes[frame] = ["part of a PDU of S7"]
-
-    def _touches(self, packet: Packet) -> bool:
-        ips = self._chosen.ips
-        return not ips or not ips.isdisjoint((packet.src_ip, packet.dst_ip))

@@ -123,10 +123,7 @@ def _add_causes(result: CaptureResult, chosen: Chosen, targets: Targets) -> None
 
 
 def chosen_of(
-    result: CaptureResult,
-    transactions: Iterable[Transaction],
-    frames: Iterable[int],
-    names: dict[str, str] | None = None,
+    result: CaptureResult, transactions: Iterable[Transaction], frames: Iterable[int]
 ) -> Chosen:
     """These transactions of a result, and frames beside them, with what to say about each."""
     chosen, targets = Chosen(), Targets(result.transactions)
@@ -137,7 +134,7 @@ def chosen_of(
         chosen.frames.update(frame for pair in each.segments for frame in pair if frame)
     chosen.frames.update(frames)
     _add_descriptions(result, chosen)
-    _note_findings(chosen, (each for each in result.findings if each.frame in chosen.frames), names)
+    _note_findings(chosen, (each for each in result.findings if each.frame in chosen.frames), None)
     return chosen
 
 

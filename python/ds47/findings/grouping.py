@@ -46,6 +46,8 @@ class _Cases:
         self.diagnosis = Diagnosis(
             first.rule, first.severity, dict(first.args), device, said=first.said
         )
+        self.offered: list[tuple[Corrected, int | None]] = []
+        """The first corrected requests, with their transactions; which of them holds is known at the end."""
         self._last = 0
         """The last frame that had no room: it may come again."""
 
@@ -67,23 +69,17 @@ class Grouping:
 
     def __init__(self) -> None:
         self._groups: dict[Cause, _Cases] = {}
-        self._corrected: dict[Cause, list[tuple[Corrected, int | None]]] = {}
-        """The first of each group, with their transactions; which of them holds is known at the end."""
 
     def add(self, about: Cause, finding: Finding, corrected: Corrected = None) -> None:
         """A finding of a cause, with its transaction where it has one."""
+        if about not in self._groups and len(self._groups) >= known().groups:
+            about = Cause(about.rule, None, ())  # too many to tell apart: by rule alone
         cases = self._groups.get(about)
         if cases is None:
-            if len(self._groups) >= known().groups:  # too many to tell apart: by rule alone
-                about = Cause(about.rule, None, ())
-                cases = self._groups.get(about)
-            if cases is None:
-                cases = self._groups[about] = _Cases(finding, about.device)
+            cases = self._groups[about] = _Cases(finding, about.device)
         cases.add(finding)
-        if corrected is not None:
-            offered = self._corrected.setdefault(about, [])
-            if len(offered) < _OFFERED:
-                offered.append((corrected, finding.transaction))
+        if corrected is not None and len(cases.offered) < _OFFERED:
+            cases.offered.append((corrected, finding.transaction))
 
     def result(self) -> list[Diagnosis]:
         """The diagnoses: what the capture lacks, then the worst first, then the most frequent."""
@@ -95,9 +91,9 @@ class Grouping:
             where = about.device or "", about.key
             return recorded, severity, -each.count, each.rule, each.frames, *where
 
-        for about, offered in self._corrected.items():
-            diagnosis = self._groups[about].diagnosis
-            for each, transaction in offered:
+        for cases in self._groups.values():
+            diagnosis = cases.diagnosis
+            for each, transaction in cases.offered:
                 diagnosis.corrected = each() if callable(each) else each
                 if diagnosis.corrected is not None:
                     diagnosis.corrected_in = transaction

@@ -21,12 +21,10 @@ class AnyJob(Protocol):
     @property
     def over(self) -> bool:
         """Whether its transaction was handed out."""
-        ...
 
     @property
     def device(self) -> str:
         """IP address of the device."""
-        ...
 
 
 class Subject(Protocol):
@@ -35,7 +33,6 @@ class Subject(Protocol):
     @property
     def is_foreign(self) -> bool:
         """Whether its maker is not the one whose tables the rule reads."""
-        ...
 
 
 Corrected = bytes | Callable[[], bytes | None] | None

@@ -53,9 +53,9 @@ def spread(request: bytes) -> bytes:
     return b"".join(parts)
 
 
-def little(pnu: int, subindex: int = 0, elements: int = 1) -> bytes:
+def little(pnu: int) -> bytes:
     """An address whose words have the low byte first."""
-    plain = message.address(pnu, subindex, elements)
+    plain = message.address(pnu, 0, 1)
     return plain[:2] + swapped(plain[2:])
 
 
@@ -110,7 +110,7 @@ VALUES = message.real(0.0, 5.0, 10.0, 20.0, 50.0, 100.0, 150.0, 200.0)
 WHOLE_CHANGE = change(4, FIXED, message.real(10.0))
 
 
-def arrays(answered: int, limit: int = 0, reference: int = 1) -> list[RequestAndReply]:
+def arrays(answered: int, limit: int = 0) -> list[RequestAndReply]:
     """Eight arrays asked for, some answered; before that r0974 where there is a limit."""
     first = read(1, message.address(974, 0, 3))
     known = RequestAndReply(first, message.answer(1, 1, 1, message.word(limit, 39, 0)))

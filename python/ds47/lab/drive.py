@@ -76,20 +76,18 @@ class LabDrive:
         before = self._heeded
         if stw1 & 0x0400 and not self.local:
             self._heeded = stw1
-        self._acknowledge(before)
+        if self._heeded & ~before & 0x0080 and self.cleared:  # acknowledged
+            self.fault = 0
         self._excited_s = self._excited_s + seconds if self.state == "S3" else 0
         self._move_on(before)
         self._turn(setpoint, seconds)
         return self._zsw1(), round(self.actual / 100 * FULL)
 
-    def _acknowledge(self, before: int) -> None:
-        if self._heeded & ~before & 0x0080 and self.cleared:
-            self.fault = 0
-
     def _move_on(self, before: int) -> None:
         now = self._heeded
         off2, off3 = not now & 2 or self.off2, not now & 4 or self.off3
         on, moving = now & ~before & 1, self.state in ("S3", "S4", "S5")
+        excited = self._excited_s >= self.excite_s
         if (off2 and self.state != "S1") or (self.fault and moving):
             self._off = "OFF2"
         elif off3 and moving:
@@ -102,14 +100,11 @@ class LabDrive:
             self.state = "S3"
         elif self.state == "S3" and not now & 1:
             self.state = "S2"
-        elif now & 8 and (self._is_excited() if self.state == "S3" else on and self.state == "S5"):
+        elif now & 8 and (excited if self.state == "S3" else on and self.state == "S5"):
             self.state = "S4"
         elif self.state == "S4" and not now & 1:
             self.state = "S5"
         self._stop()
-
-    def _is_excited(self) -> bool:
-        return self.state == "S3" and self._excited_s >= self.excite_s
 
     def _stop(self) -> None:
         if self._off == "OFF2" or (self._off == "OFF3" and self.actual == 0):

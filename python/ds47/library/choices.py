@@ -60,7 +60,7 @@ def chosen(given: Choices) -> AnalysisOptions:
         pkw_layouts=tuple((given.get("pkw_layouts") or {}).items()),
         channels=channels,
         cyclic=tuple(map(parse_name, given.get("cyclic", ()))),
-        ppos=_ppos(given.get("ppos") or {}),
+        ppos=tuple(parse_ppo(f"{at}=ppo{ppo}") for at, ppo in (given.get("ppos") or {}).items()),
         s7=parse_s7(
             tuple(given.get("s7_ports", ())),
             [f"{ip}={kind}" for ip, kind in (given.get("s7_cpus") or {}).items()],
@@ -76,10 +76,6 @@ def chosen(given: Choices) -> AnalysisOptions:
 def _several(given: str | Iterable[str]) -> tuple[str, ...]:
     """A text where several are meant is one of them, not its letters."""
     return (given,) if isinstance(given, str) else tuple(given)
-
-
-def _ppos(given: Mapping[int, int]) -> tuple[tuple[int, int], ...]:
-    return tuple(parse_ppo(f"{station}=ppo{number}") for station, number in given.items())
 
 
 def _rules(names: str | Iterable[str]) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from ds47 import profidrive
 from ds47.model import Parameter, ParameterError
 from ds47.profidrive import Address, Block, Flaw, Options, Request, Response
 from ds47.profidrive.notation import parse_hex, read_request_line
-from ds47.report import json
+from ds47.report.contract import PARAMETER
 from ds47.report.sentences import at_offset, words
 from ds47.spec import rules
 
@@ -137,7 +137,7 @@ class Message:
 
 
 def _plain(block: Block | None, item: Parameter) -> dict[str, Any]:
-    plain = json.parameter(item)
+    plain = PARAMETER.plain(item)
     del plain["name"], plain["unit"]  # a lone message has no device to look them up for
     if block is None or item.error is not None:
         plain["values"] = None

@@ -10,7 +10,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from pathlib import Path
 from typing import BinaryIO
 
 from ds47.analysis import AnalysisOptions
@@ -197,8 +196,3 @@ class Dumpcap(Closing):
         elif "no device named" in text.lower() or "interface" in text.lower():
             text += ". Interfaces: dumpcap -D"
         return text
-
-
-def exists(path: str) -> bool:
-    """Whether a source is a file or a named pipe."""
-    return Path(path).exists()

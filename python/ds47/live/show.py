@@ -14,6 +14,7 @@ from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, T
 from ds47.report import ReportOptions, json, ndjson, text
 from ds47.report.bilingual import Both, joined, numbered, operation, say
 from ds47.report.clock import Clock
+from ds47.report.contract import FINDING
 from ds47.report.formatting import escape
 from ds47.report.latency import Latency
 from ds47.report.sentences import at_offset, sentence
@@ -184,7 +185,7 @@ class NdjsonShow:
     def found(self, finding: Finding) -> None:
         """A finding, at once; that of a transaction comes again with the line of `changed`."""
         self.tally.finding(finding)
-        line = {"path": self._name, "finding": json.finding(finding)}
+        line = {"path": self._name, "finding": FINDING.plain(finding)}
         self._stream.write(json.text(line) + "\n")
         self._stream.flush()
 

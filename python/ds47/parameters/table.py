@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from typing import Final
 
 from ds47.parameters.catalogue import Catalogue
-from ds47.parameters.lists import ListedMessage, ListedParameter, ParameterList
+from ds47.parameters.lists import ListedParameter, ParameterList
 
 HEAD: Final = "ds47-parameters\t1"
 _ESCAPES: Final = str.maketrans({"\\": "\\\\", "\t": "\\t", "\n": "\\n", "\r": "\\r"})
@@ -32,7 +32,8 @@ def _lines(catalogue: Catalogue) -> Iterator[str]:
         yield "\t".join(("list", vendor, ",".join(map(str, found.device_ids))))
         yield from map(_parameter, {row.number: row for row in found.rows}.values())
         messages = {(each.letter, each.number): each for each in found.messages}
-        yield from map(_message, messages.values())
+        for each in messages.values():
+            yield "\t".join(("message", each.letter, f"{each.number:05}", _cell(each.text)))
 
 
 def _parameter(row: ListedParameter) -> str:
@@ -40,10 +41,6 @@ def _parameter(row: ListedParameter) -> str:
     for value, said in sorted(row.values.items()):
         cells += [str(value), _cell(said)]
     return "\t".join(cells)
-
-
-def _message(each: ListedMessage) -> str:
-    return "\t".join(("message", each.letter, f"{each.number:05}", _cell(each.text)))
 
 
 def _cell(text_: str) -> str:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from ds47.profibus import PROFIBUS_DL
 from ds47.profibus.line import Exchange, Line, LineFrame
-from ds47.profibus.telegram import SC, SD4, Telegram, decode
+from ds47.profibus.telegram import decode
 
 
 class ExchangeListener(NamedTuple):
@@ -48,7 +48,7 @@ class BusTracker:
         """A frame of one of `LINK_TYPES`, with its number and its time; `cut`: the recording has not all of it."""
         item = decode(data)
         if not self._proven:
-            self._proven = link_type == PROFIBUS_DL or proves(item)
+            self._proven = link_type == PROFIBUS_DL or item.proved
             if not self._proven:
                 return
         seen = LineFrame(number, time_ns, item)
@@ -71,8 +71,3 @@ class BusTracker:
             ]  # fmt: skip
         for take in found:
             take(exchange)
-
-
-def proves(item: Telegram) -> bool:
-    """Whether a frame proves that PROFIBUS is here: it has the right check byte."""
-    return not item.flaws and item.kind not in ("", SC, SD4)

@@ -174,14 +174,9 @@ class Telegram:
         return self.front.ssap
 
     @property
-    def slave(self) -> tuple[int | None, int | None]:
-        """Station and SAP of the side that answers."""
-        return (self.da, self.dsap) if self.request else (self.sa, self.ssap)
-
-    @property
-    def master(self) -> tuple[int | None, int | None]:
-        """Station and SAP of the side that asks."""
-        return (self.sa, self.ssap) if self.request else (self.da, self.dsap)
+    def proved(self) -> bool:
+        """Whether it has a check byte and an end byte, and both are right."""
+        return not self.flaws and self.kind not in (SC, SD4)
 
 
 def check_byte(content: bytes) -> int:
@@ -368,7 +363,10 @@ def _body(kind: str, data: bytes, head: int, end: int, flaws: list[Flaw]) -> Tel
     at = 3
     dae, at = _extension(content, at, da)
     sae, at = _extension(content, at, sa)
-    if any(byte & _EXTENDED and not _whole(part) for byte, part in ((da, dae), (sa, sae))):
+    if any(
+        byte & _EXTENDED and (not part or part[-1] & _EXTENDED)
+        for byte, part in ((da, dae), (sa, sae))
+    ):
         flaws.append(Flaw("extension", head + at))
     return Telegram(_front(kind, content[:at]), data, content[at:], fcs, tuple(flaws))
 
@@ -380,10 +378,6 @@ def _extension(content: bytes, at: int, address: int) -> tuple[bytes, int]:
         more = bool(content[at] & _EXTENDED)
         at += 1
     return content[first:at], at
-
-
-def _whole(extension: bytes) -> bool:
-    return bool(extension) and not extension[-1] & _EXTENDED
 
 
 def _sap(extension: bytes) -> int | None:

@@ -16,7 +16,7 @@ from itertools import dropwhile, groupby
 from typing import Final, NamedTuple
 
 from ds47.profibus.stream import split
-from ds47.profibus.telegram import SC, SD4, Telegram, decode, encode
+from ds47.profibus.telegram import Telegram, decode, encode
 from ds47.spec import profibus
 
 _TOKEN: Final = re.compile(r"->|<-|=>|<=|[^\s=,;:\[\](){}<>|\"'-]+")
@@ -72,7 +72,7 @@ def find(line: str) -> Found | None:
             last = at + len(run) == len(words)
             colon = bool(before) and ":" in line[before[-1].end : run[0].start]
             if any(
-                map(_proved, found)
+                each.proved for each in found
             ):  # without a word for it, a number in front is none of its bytes
                 return Found(
                     word, found if word else list(dropwhile(lambda each: each.flaws, found))
@@ -127,10 +127,6 @@ def _counts(found: list[Telegram], word: str | None, colon: bool) -> bool:
     if not any(each.flaws for each in found):
         return colon or word is not None
     return word is not None and sum(len(each.data) for each in found) >= _SEVERAL
-
-
-def _proved(item: Telegram) -> bool:
-    return not item.flaws and item.kind not in (SC, SD4)
 
 
 def _printed(line: str) -> Telegram | None:

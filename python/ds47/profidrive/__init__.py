@@ -4,24 +4,8 @@ Only names are collected here: `model` has the data, `formats` the values, `para
 and encoder. `build` makes messages, `notation` reads hexadecimal text and readable lines.
 """
 
-from ds47.profidrive.build import (
-    build_change,
-    build_read,
-    build_response,
-    encode_block,
-    error_block,
-    make_block,
-    zero_block,
-)
-from ds47.profidrive.model import (
-    Address,
-    Block,
-    Flaw,
-    Options,
-    Request,
-    Response,
-    Value,
-)
+from ds47.profidrive.build import build_request, error_block, make_block
+from ds47.profidrive.model import Address, Block, Flaw, Options, Request, Response, Value
 from ds47.profidrive.parameter import (
     decode_request,
     decode_response,
@@ -37,15 +21,11 @@ __all__ = [
     "Request",
     "Response",
     "Value",
-    "build_change",
-    "build_read",
-    "build_response",
+    "build_request",
     "decode_request",
     "decode_response",
-    "encode_block",
     "encode_request",
     "encode_response",
     "error_block",
     "make_block",
-    "zero_block",
 ]

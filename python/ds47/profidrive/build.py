@@ -1,29 +1,14 @@
-"""Making messages: value blocks from values, requests and responses from their parts.
-
-The bytes of a finished message come from `parameter.encode_request` and `encode_response`.
-"""
+"""Making messages: value blocks from values, requests from their parts; their bytes are made by `parameter`."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Sequence
 
-from ds47 import spec
-from ds47.profidrive.model import (
-    ERROR,
-    ZERO,
-    Address,
-    Block,
-    ErrorValue,
-    Options,
-    Request,
-    Response,
-    Value,
-)
+from ds47.profidrive.model import ERROR, Address, Block, ErrorValue, Options, Request, Value
 from ds47.profidrive.parameter import codecs
 
 _DEFAULTS = Options()
-_READ, _CHANGE = 0x01, 0x02
 
 
 def make_block(format_code: int, values: Sequence[Value], options: Options = _DEFAULTS) -> Block:
@@ -63,17 +48,6 @@ def error_block(code: int, info: int | None = 0) -> Block:
     return Block(ERROR, len(words), [], None, ErrorValue(code, info, words), raw)
 
 
-def zero_block() -> Block:
-    """The block of a parameter that was changed, inside a 0x82 response."""
-    return Block(ZERO, 0, [], None, None, b"")
-
-
-def encode_block(format_code: int, values: Sequence[Value], options: Options = _DEFAULTS) -> bytes:
-    """The bytes of a value block, padded. Raises ValueError like `make_block`."""
-    block = make_block(format_code, values, options)
-    return bytes((block.format, block.value_count)) + block.raw + block.pad
-
-
 def build_request(
     request_id: int,
     addresses: Iterable[Address],
@@ -90,63 +64,12 @@ def build_request(
         if not (0 <= address.pnu <= 0xFFFF and 0 <= address.subindex <= 0xFFFF):
             raise ValueError(f"PNU {address.pnu}[{address.subindex}] does not fit 16 bits")
         address.offset = 4 + 6 * number
-    length = _place(blocks, 4 + 6 * len(addresses))
+    length = 4 + 6 * len(addresses)
+    for block in blocks:
+        block.offset = length
+        length += 2 + len(block.raw) + len(block.pad)
     head = (reference, request_id, axis, len(addresses))
     return Request(*head, addresses=addresses, blocks=blocks, length=length)
-
-
-def build_read(addresses: Iterable[Address], *, reference: int = 1, axis: int = 1) -> Request:
-    """A read request (docs/protocol.md A.1). Raises ValueError like `build_request`."""
-    return build_request(_READ, addresses, reference=reference, axis=axis)
-
-
-def build_change(
-    items: Iterable[tuple[Address, int, Sequence[Value]]], *, reference: int = 1, axis: int = 1
-) -> Request:
-    """A change request from (address, format, values). Raises ValueError like `make_block`."""
-    parts = [(address, make_block(code, values)) for address, code, values in items]
-    addresses, blocks = [a for a, _ in parts], [b for _, b in parts]
-    return build_request(_CHANGE, addresses, blocks, reference=reference, axis=axis)
-
-
-def build_response(
-    request: Request, blocks: Iterable[Block], *, response_id: int | None = None
-) -> Response:
-    """The response to a request: one block per parameter, in its order (docs/protocol.md A.2).
-
-    Args:
-        request: what is answered; reference and axis are mirrored.
-        blocks: values, errors or zeros. A change without any error is answered by a header alone.
-        response_id: to answer with another id than the request asks for.
-
-    Raises:
-        ValueError: the request has an incomplete header or an id without a known answer, or too many
-            blocks.
-    """
-    blocks = list(blocks)
-    failed = any(block.error is not None for block in blocks)
-    known = spec.request_ids().get(-1 if request.request_id is None else request.request_id)
-    if response_id is None:
-        if known is None:
-            raise ValueError("the request id has no known response id")
-        response_id = known.negative if failed else known.positive
-    count = len(blocks) or request.parameter_count or 0
-    reference, axis = request.request_reference, request.axis
-    if reference is None or axis is None:
-        raise ValueError("the header of the request is incomplete")
-    _check_byte(response_id=response_id, parameters=count)
-    answer = spec.response_ids().get(response_id)
-    if answer and answer.body == "none":
-        blocks = []
-    length = _place(blocks, 4)
-    return Response(reference, response_id, axis, count, blocks=blocks, length=length)
-
-
-def _place(blocks: list[Block], offset: int) -> int:
-    for block in blocks:
-        block.offset = offset
-        offset += 2 + len(block.raw) + len(block.pad)
-    return offset
 
 
 def _check_byte(**fields: int) -> None:

@@ -9,7 +9,7 @@ Words are elsewhere.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Final
 
@@ -139,45 +139,36 @@ def _text(raw: bytes) -> str:
 
 
 def _take(found: Description, name: str, raw: bytes) -> None:
-    """Sets the field for an element."""
-    take = _TAKE.get(name)
-    if take is not None:
-        take(found, raw)
-    elif name in _NUMBERS:
-        setattr(found, name, int.from_bytes(raw, "big"))
+    """Sets the fields for an element."""
+    number = int.from_bytes(raw, "big")
+    match name:
+        case "identifier":
+            _identifier(found, number)
+        case "factor":
+            found.factor = float32_value(struct.unpack(">f", raw)[0])
+        case "variable":
+            found.quantity, found.conversion = struct.unpack(">Bb", raw)
+            found.unit = descriptions.unit(found.quantity, found.conversion)
+        case "name":
+            found.name = _text(raw)
+        case "low" | "high":
+            setattr(found, name, _limit(found.type, raw))
+        case "normalisation":
+            found.normalisation, known = number, descriptions.normalisation()
+            if number >> known["valid"] & 1:
+                found.full_scale = 1 << number % known["bits"]
+        case "elements" | "extension" | "reference":
+            setattr(found, name, number)
 
 
-def _identifier(found: Description, raw: bytes) -> None:
-    word, code = int.from_bytes(raw, "big"), raw[1]
+def _identifier(found: Description, word: int) -> None:
+    code = word & 0xFF
     row, bits = spec.formats().get(code), descriptions.bits()
     found.identifier = word
     found.type = f"0x{code:02X}" if row is None else row.name
     found.writable = not word >> bits["read_only"] & 1
-    found.text_array = bool(word >> bits["text_array"] & 1)
-    found.changed = bool(word >> bits["changed"] & 1)
-    found.reset_only = bool(word >> bits["reset_only"] & 1)
-    found.array = bool(word >> bits["array"] & 1)
-
-
-def _factor(found: Description, raw: bytes) -> None:
-    found.factor = float32_value(struct.unpack(">f", raw)[0])
-
-
-def _variable(found: Description, raw: bytes) -> None:
-    found.quantity, found.conversion = struct.unpack(">Bb", raw)
-    found.unit = descriptions.unit(found.quantity, found.conversion)
-
-
-def _name(found: Description, raw: bytes) -> None:
-    found.name = _text(raw)
-
-
-def _low(found: Description, raw: bytes) -> None:
-    found.low = _limit(found.type, raw)
-
-
-def _high(found: Description, raw: bytes) -> None:
-    found.high = _limit(found.type, raw)
+    for name in ("text_array", "changed", "reset_only", "array"):
+        setattr(found, name, bool(word >> bits[name] & 1))
 
 
 def _limit(type_name: str | None, raw: bytes) -> Value | None:
@@ -193,22 +184,5 @@ def _limit(type_name: str | None, raw: bytes) -> Value | None:
     return found.decode(value, 1)[0]
 
 
-def _normalisation(found: Description, raw: bytes) -> None:
-    word, known = int.from_bytes(raw, "big"), descriptions.normalisation()
-    found.normalisation = word
-    if word >> known["valid"] & 1:
-        found.full_scale = 1 << word % known["bits"]
-
-
-_NUMBERS: Final = frozenset(("elements", "extension", "reference"))
-_TAKE: Final[Mapping[str, Callable[[Description, bytes], None]]] = {
-    "identifier": _identifier,
-    "factor": _factor,
-    "variable": _variable,
-    "name": _name,
-    "low": _low,
-    "high": _high,
-    "normalisation": _normalisation,
-}
 KEYS: Final = tuple(each.name for each in fields(Description))
 """The parts of a description in their order."""

@@ -272,8 +272,10 @@ def _measure(kind: Statement, said: dict[str, Statement]) -> Measure | None:
         return None
     quantity, power = variable.value
     unit, known = descriptions.unit(quantity, power), descriptions.quantities().get(quantity)
+    if unit is None or known is None:
+        return None
     # Sources disagree on the direction of the factor, so it must only repeat the conversion index.
-    if unit is None or known is None or (factor is not None and not _agrees(factor.value, power)):
+    if factor and factor.value not in (1.0, float(f"1e{power}"), float(f"1e{-power}")):
         return None
     frames = {each.frame for each in (kind, variable, factor) if each is not None}
     if not unit.startswith("10^"):
@@ -286,11 +288,6 @@ def _measure(kind: Statement, said: dict[str, Statement]) -> Measure | None:
 def _code(type_name: str) -> int | None:
     row = spec.format_named(type_name)
     return None if row is None else row.code
-
-
-def _agrees(factor: Value, power: int) -> bool:
-    """Whether a factor does not contradict a conversion index."""
-    return factor in (1.0, float(f"1e{power}"), float(f"1e{-power}"))
 
 
 def scaled(values: Sequence[Value], power: int) -> list[Value] | None:
@@ -313,12 +310,10 @@ def explain(item: Parameter, meaning: Meaning) -> None:
     if fits and measure is not None and item.scaled is None:
         item.unit, frames = measure.unit, frames.union(measure.frames)
         item.scaled = scaled(item.values, measure.power)
-    elif meaning.type is not None and not _is_listed_as(meaning.listed, meaning.type.value):
-        item.unit = None  # the unit of the list belongs to another parameter
+    elif meaning.type is not None:
+        row = meaning.listed
+        if row is None or row.type.removesuffix("[]") != meaning.type.value:
+            item.unit = None  # the unit of the list belongs to another parameter
     if frames:
         name = None if meaning.name is None else meaning.name.value
         item.described = Described(name, tuple(sorted(frames)))
-
-
-def _is_listed_as(row: spec.Pnu | None, type_name: str) -> bool:
-    return row is not None and row.type.removesuffix("[]") == type_name

@@ -24,6 +24,8 @@ _NORMAL, _TOO_LARGE = 2.0**-126, 2.0**128 - 2.0**103
 _LARGEST: Final = {4: "3.4028235e+38", 8: "1.7976931348623157e+308"}
 """The largest finite numbers, by bytes."""
 _DAY_MS = 86_400_000
+_DATE: Final = (63, 31, 31, 63, 127)
+"""The bits of minute, hour, day, month and year, each a byte."""
 _MS_MASK = 0x0FFFFFFF
 """Times of day use 28 of their 32 bits."""
 
@@ -110,6 +112,14 @@ def _misfit(value: Value, row: spec.Format, low: Value, high: Value) -> ValueErr
     return ValueError(f"{value} does not fit {row.name} ({low} to {high})")
 
 
+def _integers(values: Sequence[Value], row: spec.Format, low: int, high: int) -> list[int]:
+    numbers = [_integer(value) for value in values]
+    for number in numbers:
+        if not low <= number <= high:
+            raise _misfit(number, row, low, high)
+    return numbers
+
+
 def _number(row: spec.Format, size: int) -> Codec:
     letter = row.pack
     one = struct.Struct(">" + letter)
@@ -121,11 +131,7 @@ def _number(row: spec.Format, size: int) -> Codec:
         return [number_value(n) for n in numbers] if size == 8 else list(numbers)
 
     def encode(values: Sequence[Value]) -> bytes:
-        numbers = [_integer(value) for value in values]
-        for number in numbers:
-            if not low <= number <= high:
-                raise _misfit(number, row, low, high)
-        return b"".join(one.pack(number) for number in numbers)
+        return b"".join(one.pack(number) for number in _integers(values, row, low, high))
 
     if row.divide is None:
         return Codec(size, decode, encode, unpack=one.unpack if size < 8 else None)
@@ -229,10 +235,7 @@ def _raw_integer(show: Callable[[bytes], Value]) -> Callable[[spec.Format, int],
             return [number_value(int.from_bytes(part, "big")) for part in parts]
 
         def encode(values: Sequence[Value]) -> bytes:
-            numbers = [_integer(value) for value in values]
-            for number in numbers:
-                if not 0 <= number <= high:
-                    raise _misfit(number, row, 0, high)
+            numbers = _integers(values, row, 0, high)
             return b"".join(number.to_bytes(size, "big") for number in numbers)
 
         def scale(_values: Sequence[Value], raw: bytes) -> list[Value]:
@@ -264,11 +267,7 @@ def _show_date(raw: bytes) -> Value:
     """ISO 8601, unchecked: a month 13 stays visible. Years 84 to 99 belong to the last century."""
     milliseconds = int.from_bytes(raw[:2], "big")
     minute, hour, day, month, year = (
-        raw[2] & 63,
-        raw[3] & 31,
-        raw[4] & 31,
-        raw[5] & 63,
-        raw[6] & 127,
+        byte & bits for byte, bits in zip(raw[2:], _DATE, strict=True)
     )
     century = 1900 if year >= 84 else 2000
     seconds = f"{milliseconds // 1000:02}.{milliseconds % 1000:03}"

@@ -41,7 +41,7 @@ class Flaw(Plain):
     args: dict[str, Any]
 
 
-@dataclass(slots=True, init=False, repr=False, eq=False)
+@dataclass(slots=True, repr=False, eq=False)
 class Address(Plain):
     """One parameter address of a request (docs/protocol.md A.1, A.4)."""
 
@@ -49,21 +49,7 @@ class Address(Plain):
     element_count: int
     pnu: int
     subindex: int
-    offset: int
-
-    def __init__(
-        self,
-        attribute: int,
-        element_count: int,
-        pnu: int,
-        subindex: int,
-        offset: int = 0,
-    ) -> None:
-        self.attribute = attribute
-        self.element_count = element_count
-        self.pnu = pnu
-        self.subindex = subindex
-        self.offset = offset
+    offset: int = 0
 
     @property
     def attribute_name(self) -> str:

@@ -8,7 +8,7 @@ stays in `rest`. Encoding a decoded message gives the same bytes again, whatever
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from typing import Final
 
@@ -229,12 +229,8 @@ def _sign(response: Response) -> None:
     """Bit 7 of the response id does not say whether an error is inside (A.2)."""
     if response.failed:
         response.flaws.append(Flaw("DS411", 1, {}))
-    elif response.blocks and not _broken(response.flaws):
+    elif response.blocks and not any(flaw.rule in ("DS309", "DS315") for flaw in response.flaws):
         response.flaws.append(Flaw("DS412", 1, {}))
-
-
-def _broken(flaws: list[Flaw]) -> bool:
-    return any(flaw.rule in ("DS309", "DS315") for flaw in flaws)
 
 
 @cache
@@ -334,22 +330,6 @@ def _error_block(raw: bytes, count: int, start: int, vendor: bool) -> Block:
 class _Body:
     """Decodes the value blocks of one message, from `offset` to the end."""
 
-    __slots__ = (
-        "_chosen",
-        "_codecs",
-        "_count",
-        "_cut_off",
-        "_data",
-        "_flags",
-        "_sense",
-        "_vendor",
-        "blocks",
-        "cut",
-        "flaws",
-        "offset",
-        "rest",
-    )
-
     def __init__(
         self,
         data: bytes,
@@ -399,11 +379,8 @@ class _Body:
 
     def _left_over(self) -> None:
         self.rest = self._data[self.offset :]
-        rule = "DS314" if self._only_zeros() else "DS313"
+        rule = "DS313" if any(self.rest) else "DS314"
         self.flaws.append(Flaw(rule, self.offset, {"count": len(self.rest)}))
-
-    def _only_zeros(self) -> bool:
-        return not any(self._data[self.offset :])
 
     def _block(self) -> bool:
         """Decodes one block; False if decoding cannot go on after it."""
@@ -528,30 +505,17 @@ def encode_request(request: Request) -> bytes:
     addresses = b"".join(
         _ADDRESS.pack(a.attribute, a.element_count, a.pnu, a.subindex) for a in request.addresses
     )
-    head = (
-        request.request_reference,
-        request.request_id,
-        request.axis,
-        request.parameter_count,
-    )
-    return _encode(head, addresses, request.blocks, request.rest)
+    return _encode(request, request.request_id, addresses)
 
 
 def encode_response(response: Response) -> bytes:
     """The bytes of a response; if it was decoded, the same bytes."""
-    head = (
-        response.request_reference,
-        response.response_id,
-        response.axis,
-        response.parameter_count,
-    )
-    return _encode(head, b"", response.blocks, response.rest)
+    return _encode(response, response.response_id, b"")
 
 
-def _encode(
-    head: tuple[int | None, ...], addresses: bytes, blocks: Iterable[Block], rest: bytes
-) -> bytes:
+def _encode(message: Request | Response, code: int | None, addresses: bytes) -> bytes:
+    head = (message.request_reference, code, message.axis, message.parameter_count)
     parts = [bytes(field for field in head if field is not None), addresses]
-    for block in blocks:
+    for block in message.blocks:
         parts += (bytes((block.format, block.value_count)), block.raw, block.pad)
-    return b"".join((*parts, rest))
+    return b"".join((*parts, message.rest))

@@ -156,7 +156,7 @@ class Comparison:
             elif new is None and old is not None:
                 yield self._alone("transaction_gone", old, None, self._olds[old])
             elif old is not None and new is not None:
-                yield from self._transaction(old, new)
+                yield from self._fields(old, new, self._olds[old], self._news[new])
         yield from self._events()
         yield from self._findings()
 
@@ -212,9 +212,6 @@ class Comparison:
         return _kind(old) == _kind(new) and next(self._fields(0, 0, old, new), None) is None
 
     # One transaction
-
-    def _transaction(self, old: int, new: int) -> Iterator[Change]:
-        yield from self._fields(old, new, self._olds[old], self._news[new])
 
     def _fields(self, stored: int, now: int, old: Json, new: Json) -> Iterator[Change]:
         where = _Where("transaction", {"number": str(new["id"])})

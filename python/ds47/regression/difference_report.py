@@ -18,8 +18,6 @@ from ds47.report.formatting import escape
 from ds47.report.wrap import fitted
 from ds47.version import __version__
 
-FORMATS = ("text", "json", "html")
-
 
 def write(
     found: Difference,

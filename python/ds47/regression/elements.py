@@ -228,14 +228,11 @@ def _has_value(item: Json, position: int) -> bool:
     if item["operation"] == "read" or item["state"] == "ok":
         return item["state"] in ("ok", "partial", "error")
     findings = item.get("findings")
-    if item["state"] != "partial" or (isinstance(findings, list) and _is_doubtful(findings)):
+    doubtful = isinstance(findings, list) and any(rule in findings for rule in _DOUBTFUL)
+    if item["state"] != "partial" or doubtful:
         return False
     response = _bytes(item, "response")
     return len(response) > 3 and position < response[3]
-
-
-def _is_doubtful(findings: list[Any]) -> bool:
-    return any(rule in findings for rule in _DOUBTFUL)
 
 
 def _status(item: Json) -> str:

@@ -25,7 +25,7 @@ from ds47.regression.difference import (
 )
 from ds47.regression.elements import VALUE, ElementKey, Outcomes
 from ds47.regression.places import Place
-from ds47.report import is_text, parameters
+from ds47.report import is_text, parameters, write_all
 
 _NEEDED = (
     "path", "device", "station", "target", "drive_object", "pnu", "subindex", "name", "unit",
@@ -59,7 +59,7 @@ class ValueLine(NamedTuple):
 def table(result: CaptureResult) -> list[ValueLine]:
     """The table that `ds47 report -f parameters` gives of a capture."""
     stream = io.StringIO()
-    parameters.write(Report([result]), stream)
+    write_all(parameters.Writer(stream), Report([result]))
     return read(stream.getvalue())
 
 

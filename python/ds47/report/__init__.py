@@ -4,9 +4,8 @@ Lives here: what the serializers share. That is their shape, their options, and 
 name of its format. Each format has the module of its name (`ds47.report.text`, `.json`, `.ndjson`, `.csv`).
 `ds47.model` says what the words mean. Nothing here analyses anything.
 
-Each module has `write(report, stream, options)` for a whole result, and `Writer(stream, options)`
-for results that come one by one. A writer with `streams` takes every transaction as soon as it is
-finished, and holds no more than one.
+Each module has `Writer(stream, options)`, which takes results one by one; `write_all` hands it a whole report. A
+writer with `streams` takes every transaction as soon as it is finished, and holds no more than one.
 """
 
 from __future__ import annotations
@@ -156,7 +155,7 @@ def open_writer(name: str, stream: TextIO, options: ReportOptions | None = None)
 
 
 def write_all(writer: Writer, report: Report) -> None:
-    """Drives a writer with a complete result: `write` of every format."""
+    """Drives a writer of any format with a complete report."""
     for result in report.captures:
         write_one(writer, result)
     writer.close()

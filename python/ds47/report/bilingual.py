@@ -5,7 +5,7 @@ The text report shows one language, the HTML page holds both.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -24,6 +24,11 @@ class Both(NamedTuple):
     def same(cls, text: str) -> Both:
         """A text that is the same in both: a name, a number."""
         return cls(text, text)
+
+    @classmethod
+    def of(cls, words: Callable[..., str | None], *about: object) -> Both:
+        """What a function says in either language, which is its last argument; empty where it says nothing."""
+        return cls(*(words(*about, lang) or "" for lang in LANGUAGES))
 
     def joined(self, other: Both, en: str = " ", zh: str = "") -> Both:
         """This text followed by another one."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ds47.model import Bus, BusStation, Relation, Span, StationDiagnosis
-from ds47.report.bilingual import LANGUAGES, Both, joined, say
+from ds47.report.bilingual import Both, joined, say
 from ds47.report.formatting import duration
 from ds47.spec import profibus
 
@@ -89,7 +89,7 @@ def hints(bus: Bus, relations: Sequence[Relation]) -> Iterator[Both]:
 
 def _diagnosis(address: int, item: StationDiagnosis) -> Both:
     known = {row.id: row for row in profibus.flags("diagnosis")}
-    flags = [Both(*(known[each].text(lang) for lang in LANGUAGES)) for each in item.flags]
+    flags = [Both.of(known[each].text) for each in item.flags]
     shown = joined(flags, "; ", "；") if flags else say("bus_no_flags")
     ident = "?" if item.ident is None else f"{item.ident:04X}"
     master = say("bus_no_master") if item.master is None else Both.same(f"dp{item.master}")

@@ -17,7 +17,6 @@ from ds47.report.clock import Clock
 from ds47.report.csv import Lines, guarded
 from ds47.report.formatting import both_sides, escape
 from ds47.report.formatting import value as value_text
-from ds47.report.json import timestamp
 from ds47.report.parameters import plain
 from ds47.report.selection import Selection, Wanted
 from ds47.report.table import table
@@ -25,9 +24,8 @@ from ds47.report.targets import Targets, slot
 from ds47.report.trail import WrittenChange, changes
 from ds47.report.wrap import fitted
 from ds47.spec.semantics import known
-from ds47.spec.units import nanoseconds
+from ds47.spec.units import nanoseconds, timestamp
 
-FORMATS = ("text", "csv", "json")
 SCHEMA = "ds47.trail/1"
 COLUMNS = (
     "path", "time", "frame", "transaction", "controller", "controller_station", "device", "station", "target",
@@ -92,7 +90,7 @@ def way(change: WrittenChange) -> str:
 
 
 class Writer:
-    """Writes the changes of captures in one of FORMATS."""
+    """Writes the changes of captures as "text", "csv" or "json"."""
 
     def __init__(self, stream: TextIO, format_name: str, options: ReportOptions) -> None:
         self._stream, self._format, self._options = stream, format_name, options

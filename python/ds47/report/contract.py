@@ -216,18 +216,10 @@ def take_status(digits: str | None, _vendor_id: int | None) -> int | None:
     return None if digits is None else int(digits, 16)
 
 
-def _maybe_error(item: dict[str, Any] | None, vendor_id: int | None) -> model.ParameterError | None:
-    return None if item is None else error(item, vendor_id)
-
-
 def meaning(item: model.Parameter, lang: str) -> str | None:
     """What the values of a parameter mean, in "en" or "zh"; None where nothing says it."""
     told = meanings.meaning(item)
     return None if told is None else told.text(lang)
-
-
-def _named(name_: str | None, vendor_id: int | None) -> tuple[str | None, int | None]:
-    return name_, vendor_id
 
 
 def _parameter(**arguments: Any) -> model.Parameter:
@@ -311,18 +303,13 @@ DESCRIPTION = Shape("description", (
 ), about="What a description says (docs/protocol.md C); null where the message does not have it.")  # fmt: skip
 
 
-def _described(item: model.Parameter, _lang: str) -> dict[str, Any] | None:
-    found = descriptions.of(item)
-    return None if found is None else DESCRIPTION.plain(found)
-
-
 PARAMETER = Shape("parameter", (
     Key("pnu", WORD, column="Parameter number; null where the request is not known."),
     Key("subindex", WORD, column="First subindex asked for."),
     Key("attribute", {"anyOf": [{"type": "null"}, ref("attribute")]},
         column="Which part of the parameter: value, description, text, or a number."),
     Key("element_count", BYTE, column="Number of elements asked for."),
-    Key("name", MAYBE_TEXT, tell=name, take=_named,
+    Key("name", MAYBE_TEXT, tell=name, take=lambda *both: both,
         column="Name of the parameter, as the drive calls it or the list."),
     Key("unit", MAYBE_TEXT, column="Unit of the values, of the scaled ones where there are any."),
     Key("format", MAYBE_TEXT,
@@ -334,9 +321,9 @@ PARAMETER = Shape("parameter", (
     Key("values", VALUES),
     Key("scaled", MAYBE_VALUES),
     Key("error", ref("error"), tell=lambda item, lang: item.error and ERROR.plain(item.error, lang),
-        take=_maybe_error),
+        take=lambda value, vendor_id: value and error(value, vendor_id)),
     Key("description", ref("description"), "Only of a description (attribute 0x20): what it says.",
-        tell=_described, into="", rare=True),
+        tell=lambda item, _: (found := descriptions.of(item)) and DESCRIPTION.plain(found), into="", rare=True),
     Key("texts", many(TEXT), "Only of texts (attribute 0x30): the entries.",
         tell=lambda item, _: descriptions.entries(item), into="", rare=True),
     Key("described_in", many(NUMBER, 1),

@@ -18,8 +18,8 @@ from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
 from typing import Any, ClassVar, TextIO
 
-from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction, Value
-from ds47.report import ReportOptions, contract, is_text, json, write_all
+from ds47.model import CaptureResult, Finding, Parameter, Transaction, Value
+from ds47.report import ReportOptions, contract, is_text, json
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import escape
 from ds47.report.targets import Telegrams
@@ -43,11 +43,6 @@ _OF_LISTS = [
 """Cells with a text that anybody may have written."""
 
 Cell = int | float | str | None
-
-
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report, the header first."""
-    write_all(Writer(stream, options), report)
 
 
 class Lines:
@@ -76,9 +71,6 @@ class Writer(Table):
 
     streams: ClassVar[bool] = True
     header: ClassVar[Sequence[str]] = COLUMNS
-
-    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
-        super().__init__(stream, options)
 
     def whole(self, result: CaptureResult) -> None:
         Telegrams.tell(result)

@@ -7,13 +7,13 @@ channel is not here.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from ds47.cyclic import pkw, pzd
 from ds47.model import Parameter
 from ds47.report import formatting
-from ds47.report.bilingual import LANGUAGES, Both, say
+from ds47.report.bilingual import Both, say
 from ds47.spec import cyclic
 from ds47.spec.pkw_layouts import MakerLayout, maker_layouts
 
@@ -21,11 +21,6 @@ Line = tuple[int, Both]
 """Where something stands, and what it means."""
 PZD_LENGTH = 4
 """Control or status word, and setpoint or actual value."""
-
-
-def _both(words: Callable[..., str | None], *about: object) -> Both:
-    """The words of a table in both languages; empty where it has none."""
-    return Both(*(words(*about, lang) or "" for lang in LANGUAGES))
 
 
 def pkw_document(item: pkw.PkwMessage, vendor_id: int | None = None) -> dict[str, Any]:
@@ -53,7 +48,7 @@ def _error_document(error: pkw.Error, vendor_id: int | None) -> dict[str, Any]:
 
 def pkw_lines(item: pkw.PkwMessage, vendor_id: int | None = None) -> Iterator[Line]:
     """The four words in words."""
-    meaning = _both(cyclic.meaning, item.ak, item.answer)
+    meaning = Both.of(cyclic.meaning, item.ak, item.answer)
     yield 0, say("pkw_pke", ak=str(item.ak), meaning=meaning, spm=str(item.spm))
     known = item.pnu is not None
     name = formatting.address(Parameter(item.pnu, item.subindex, "value", 1)) if known else "?"
@@ -103,7 +98,7 @@ def _pwe(item: pkw.PkwMessage, vendor_id: int | None) -> Both:
         code = item.error.code
         if code is None:
             return say("pkw_no_error", hex=hexadecimal)
-        text = Both(*(cyclic.error_text(code, lang, vendor_id) or "" for lang in LANGUAGES))
+        text = Both.of(lambda lang: cyclic.error_text(code, lang, vendor_id))
         return say("pkw_error", code=str(code), text=text, hex=hexadecimal)
     if item.connector is not None:
         pnu, index = item.connector
@@ -138,7 +133,7 @@ def word_lines(name: str, word: int, family: str | None = None) -> Iterator[Both
     yield headline(name, word)
     for row in cyclic.bits(name, family):
         value = word >> row.bit & 1
-        words = _both(row.said, word)
+        words = Both.of(row.said, word)
         if words.en:
             yield say("pzd_bit", bit=f"{row.bit:>2}", value=str(value), text=words)
     lacking = needs(name, word)
@@ -152,7 +147,7 @@ def headline(name: str, word: int) -> Both:
     if name == "stw1":
         return plain
     found = pzd.state(word)
-    words = _both(cyclic.state_text, found.state, found.overlays)
+    words = Both.of(cyclic.state_text, found.state, found.overlays)
     return plain.joined(words, ": ", "：")
 
 
@@ -163,7 +158,7 @@ def needs(name: str, word: int) -> Both:
         lists = Both(", ".join(row.en for row in rows), "、".join(row.zh for row in rows))
         return say("pzd_missing", text=lists) if rows else say("pzd_complete")
     found = pzd.state(word)
-    step = _both(cyclic.next_step, found.state, found.overlays)
+    step = Both.of(cyclic.next_step, found.state, found.overlays)
     return say("pzd_next", text=step) if step.en else Both.same("")
 
 

@@ -181,7 +181,7 @@ def times_of(item: Diagnosis) -> Both | None:
 def _advice(item: Diagnosis) -> Both:
     if is_lowered(item.rule, item.severity):
         return say("advice_foreign")
-    return Both(*(advice(rules()[item.rule], item.args, lang) for lang in LANGUAGES))
+    return Both.of(advice, rules()[item.rule], item.args)
 
 
 def who(result: CaptureResult, counts: VerdictCounts) -> list[Who]:

@@ -7,10 +7,10 @@ Transactions and findings are not in this format. UTF-8, comma, LF.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, TextIO
+from typing import ClassVar
 
-from ds47.model import CaptureResult, Event, Report
-from ds47.report import ReportOptions, contract, timelines, write_all
+from ds47.model import CaptureResult, Event
+from ds47.report import contract, timelines
 from ds47.report.csv import Cell, Table, guarded
 from ds47.spec.cyclic import event_text
 
@@ -19,11 +19,6 @@ COLUMNS = (
     "path", "device", "slot", "subslot", *(each.name for each in EVENT_COLUMNS), "overlays", "words", "after_ms",
 )  # fmt: skip
 """The header: `words` is the event in the language of the report, `after_ms` the time since its command."""
-
-
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report, the header first."""
-    write_all(Writer(stream, options), report)
 
 
 class Writer(Table):

@@ -1,9 +1,8 @@
 """Report as JSON, `ds47.report/2`: the contract that other programs build on.
 
-The functions turn one thing of the model each into plain dictionaries (`ds47.report.ndjson` uses
-them too); `Writer` lays them out with one transaction a line, so that a difference between two
-reports is a difference of lines. Key order and number texts never vary. The keys are those of
-contract.py; what they mean is in `ds47.model` and in schema/report-2.schema.json.
+`Writer` lays a capture out with one transaction a line, so that a difference between two reports is a difference
+of lines (`ds47.report.ndjson` writes the same objects). Key order and number texts never vary. The keys are those
+of contract.py; what they mean is in `ds47.model` and in schema/report-2.schema.json.
 """
 
 from __future__ import annotations
@@ -18,47 +17,28 @@ from typing import Any, ClassVar, Final, TextIO
 
 from ds47.model import (
     CaptureResult,
-    Device,
-    Diagnosis,
     Finding,
     Parameter,
     Report,
     Transaction,
     Value,
 )
-from ds47.report import SCHEMA, ReportOptions, contract, write_all
+from ds47.report import SCHEMA, ReportOptions, contract
 from ds47.report import Writer as _Writer
 from ds47.report import values as meanings
 from ds47.report.bilingual import Both
+from ds47.report.contract import DEVICE, DIAGNOSIS, ERROR, FINDING, PARAMETER, TRANSACTION
 from ds47.report.targets import Telegrams
 from ds47.report.values import about
-from ds47.spec.units import milliseconds as milliseconds
-from ds47.spec.units import status as status
-from ds47.spec.units import timestamp as timestamp
 from ds47.version import __version__
 
 _encoder: Final = JSONEncoder(ensure_ascii=False, allow_nan=False)
 _LINES_AT_ONCE = 256
 
 
-def device(item: Device) -> dict[str, Any]:
-    """A device as an object of the contract."""
-    return contract.DEVICE.plain(item)
-
-
-def parameter(item: Parameter, lang: str = "en") -> dict[str, Any]:
-    """A parameter of a transaction as an object of the contract, its texts in "en" or "zh"."""
-    return contract.PARAMETER.plain(item, lang)
-
-
-def transaction(item: Transaction, lang: str = "en") -> dict[str, Any]:
-    """A transaction as an object of the contract, its texts in "en" or "zh"."""
-    return contract.TRANSACTION.plain(item, lang)
-
-
 def transaction_line(item: Transaction, lang: str = "en") -> str:
-    """The same as `text(transaction(item, lang))`, but faster, without dictionaries."""
-    return visible(_writer(contract.TRANSACTION, item.channel)(item, lang))
+    """The same as `text(TRANSACTION.plain(item, lang))`, but faster, without dictionaries."""
+    return visible(_writer(TRANSACTION, item.channel)(item, lang))
 
 
 # A writer is made from the keys of a shape: the f-string that one would write by hand, compiled once.
@@ -109,7 +89,7 @@ def _listed(shape: contract.Shape | None) -> Callable[[list[Any], str], str]:
     """A function that writes a list of texts, or of objects of this shape."""
     if shape is None:
         return lambda items, _: text(items)
-    if shape is contract.PARAMETER:
+    if shape is PARAMETER:
         return _parameters
     write = _writer(shape)
     return lambda items, lang: f"[{', '.join([write(each, lang) for each in items])}]"
@@ -121,7 +101,7 @@ def _parameters(items: list[Parameter], lang: str) -> str:
     for item in items:
         head, may_mean = _parameter_head(about(item), item.value_count, lang)
         if not head:
-            texts.append(text(contract.PARAMETER.plain(item, lang)))
+            texts.append(text(PARAMETER.plain(item, lang)))
             continue
         values, scaled, error, tail = repr(item.values), "null", "null", "}"
         if _is_odd(values):
@@ -129,7 +109,7 @@ def _parameters(items: list[Parameter], lang: str) -> str:
         if item.scaled is not None:
             scaled = list_text(item.scaled)
         if item.error is not None:
-            error = _writer(contract.ERROR)(item.error, lang)
+            error = _writer(ERROR)(item.error, lang)
         if item.value_texts:
             tail = _tail(meanings.meaning(item), lang)
         elif may_mean and item.error is None:
@@ -148,7 +128,7 @@ def _parameter_head(known: tuple[Any, ...], value_count: int | None, lang: str) 
     item = meanings.of_kind(known, value_count=value_count)
     if item.attribute not in _PLAIN or item.described is not None:
         return "", False
-    head = parameter(item, lang)
+    head = PARAMETER.plain(item, lang)
     for key in ("values", "scaled", "error"):
         del head[key]
     return text(head)[:-1], meanings.may_mean(known)
@@ -175,16 +155,6 @@ _is_odd: Final = re.compile("['\"n]").search
 """Whether the text of a list has a string, nan or inf."""
 
 
-def finding(item: Finding, lang: str = "en") -> dict[str, Any]:
-    """A finding as an object of the contract, its message in "en" or "zh"."""
-    return contract.FINDING.plain(item, lang)
-
-
-def diagnosis(item: Diagnosis, lang: str = "en") -> dict[str, Any]:
-    """A diagnosis as an object of the contract, its message in "en" or "zh"."""
-    return contract.DIAGNOSIS.plain(item, lang)
-
-
 def capture_head(result: CaptureResult) -> dict[str, Any]:
     """The keys of a capture itself, before its lists."""
     return _without_empty(contract.CAPTURE_HEAD.plain(result))
@@ -205,13 +175,8 @@ def _without_empty(plain: dict[str, Any]) -> dict[str, Any]:
 
 
 def document(report: Report) -> dict[str, Any]:
-    """The whole report as plain dictionaries: what `write` writes, before it is text."""
+    """The whole report as plain dictionaries: what `Writer` writes, before it is text."""
     return _head() | {"captures": [capture(each) for each in report.captures]}
-
-
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report as one JSON text."""
-    write_all(Writer(stream, options), report)
 
 
 class Writer(_Writer):
@@ -237,13 +202,13 @@ class Writer(_Writer):
         Telegrams.tell(result)
         write_line = self.stream.write
         write_line("\n" + text(capture_head(result))[:-1])
-        self._lines("devices", (text(device(each)) for each in result.devices))
+        self._lines("devices", (text(DEVICE.plain(each)) for each in result.devices))
         lang = self.options.lang
         # map: mypyc makes a list of a generator expression, here of all lines
         lines = map(transaction_line, result.transactions, repeat(lang))
         self._lines("transactions", lines)
-        self._lines("findings", (text(finding(each, lang)) for each in result.findings))
-        self._lines("diagnoses", (text(diagnosis(each, lang)) for each in result.diagnoses))
+        self._lines("findings", (text(FINDING.plain(each, lang)) for each in result.findings))
+        self._lines("diagnoses", (text(DIAGNOSIS.plain(each, lang)) for each in result.diagnoses))
         write_line(f',\n"summary": {text(result.summary)}}}')
 
     def _lines(self, key: str, lines: Iterator[str]) -> None:
@@ -272,7 +237,7 @@ class LineWriter(_Writer):
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         lang = self.options.lang
         line = transaction_line(transaction, lang)
-        about = text([finding(each, lang) for each in findings]) if findings else "[]"
+        about = text([FINDING.plain(each, lang) for each in findings]) if findings else "[]"
         self.stream.write(
             f'{{"path": {_path(path)}, "transaction": {line}, "findings": {about}}}\n'
         )

@@ -43,7 +43,7 @@ def finding(item: dict[str, Any]) -> Finding:
         return loaded
     text, offset = message(item["message"])
     return Finding(
-        item["rule"], item["severity"], item["frame"], None, item["transaction"], offset, said=text
+        item["rule"], item["severity"], item["frame"], [], item["transaction"], offset, said=text
     )
 
 

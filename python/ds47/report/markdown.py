@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Final, TextIO
+from typing import Final
 
-from ds47.model import Report
-from ds47.report import ReportOptions, write_all
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.digest import Digest, ShortCause
 from ds47.report.digests import Digests
@@ -23,11 +21,6 @@ LISTED: Final = 200
 DRIVES: Final = 20
 MARKS: Final = {"bad": "❌", "warn": "⚠️", "good": "✅", "none": "⬜"}
 _SPECIAL: Final = re.compile(r"([\\`*_{}\[\]|~])")
-
-
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report."""
-    write_all(Writer(stream, options), report)
 
 
 class Writer(Digests):

@@ -11,15 +11,6 @@ line before. Holds nothing between two lines. The lines are written by `ds47.rep
 
 from __future__ import annotations
 
-from typing import TextIO
-
-from ds47.model import Report
-from ds47.report import ReportOptions, write_all
 from ds47.report.json import LineWriter
 
 Writer = LineWriter
-
-
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report line by line."""
-    write_all(Writer(stream, options), report)

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, TextIO
 
-from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
-from ds47.report import ReportOptions, causes, write_all
+from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult
+from ds47.report import ReportOptions, causes
 from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.clock import Clock, beginning
@@ -207,11 +207,6 @@ def document(rows: Sequence[CaptureRow]) -> Iterator[str]:
     for number, row in enumerate(sorted(rows, key=CaptureRow.badness)):
         yield (",\n" if number else "\n") + json.text(row.plain())
     yield "]}\n"
-
-
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes the overview of a complete report."""
-    write_all(Writer(stream, options), report)
 
 
 class Writer(_Writer):

@@ -8,15 +8,15 @@ since that may have changed it. What an element went through is `ds47 trail`; th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import ClassVar, NamedTuple, TextIO
+from typing import ClassVar, NamedTuple
 
-from ds47.model import CaptureResult, Report, Value
+from ds47.model import CaptureResult, Value
 from ds47.profidrive.drive_objects import Identity
-from ds47.report import ReportOptions, is_text, write_all
+from ds47.report import is_text
 from ds47.report.csv import Cell, Table, guarded
-from ds47.report.json import timestamp
 from ds47.report.targets import Targets
 from ds47.report.trail import TrailCell, trail
+from ds47.spec.units import timestamp
 
 COLUMNS = (
     "path", "device", "station", "target", "drive_object", "pnu", "subindex", "name", "unit", "value", "format",
@@ -35,11 +35,6 @@ class ElementRow(NamedTuple):
     pnu: int
     subindex: int
     element: TrailCell
-
-
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report, the header first."""
-    write_all(Writer(stream, options), report)
 
 
 def rows(result: CaptureResult) -> list[ElementRow]:

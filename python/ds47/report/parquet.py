@@ -18,8 +18,8 @@ from importlib import import_module
 from typing import Any, BinaryIO, ClassVar, TextIO
 
 from ds47 import spec
-from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction, Value
-from ds47.report import CannotWriteError, ReportOptions, contract, schema, write_all
+from ds47.model import CaptureResult, Finding, Parameter, Transaction, Value
+from ds47.report import CannotWriteError, ReportOptions, contract, schema
 from ds47.report import Writer as _Writer
 from ds47.report.targets import Telegrams
 from ds47.spec.extras import install
@@ -40,13 +40,8 @@ _UNIT = 1 + [each.name for each in contract.HEAD_COLUMNS].index("unit")
 Row = list[Any]
 
 
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report to the binary stream below `stream`."""
-    write_all(Writer(stream, options), report)
-
-
 class Writer(_Writer):
-    """Writes a row group whenever enough rows have come."""
+    """Writes a row group to the binary stream below `stream` whenever enough rows have come."""
 
     streams: ClassVar[bool] = True
 

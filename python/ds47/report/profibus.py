@@ -6,12 +6,12 @@ and what a capture shows of a station are not here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ds47.profibus import dp, ms1
 from ds47.profibus.telegram import SC, SD2, SD4, Telegram
-from ds47.report.bilingual import LANGUAGES, Both, joined, say
+from ds47.report.bilingual import Both, joined, say
 from ds47.spec import profibus
 from ds47.spec.statuses import status_text
 from ds47.spec.words import Flaw
@@ -20,11 +20,6 @@ Line = tuple[int, Both]
 """Where something stands in the frame, and what it means."""
 RECORDS = (dp.RECORD, dp.ALARM, dp.RESOURCE, dp.MS2)
 """The services whose data is a message of MS1 or MS2."""
-
-
-def _both(words: Callable[..., str], *about: object) -> Both:
-    """The words of a table in both languages."""
-    return Both(*(words(*about, lang) for lang in LANGUAGES))
 
 
 def record(item: Telegram) -> ms1.Ms1Message | None:
@@ -36,7 +31,7 @@ def record(item: Telegram) -> ms1.Ms1Message | None:
 
 def flaw(found: Flaw) -> Both:
     """What is wrong."""
-    return _both(profibus.flaw_text, found.kind, found.args)
+    return Both.of(profibus.flaw_text, found.kind, found.args)
 
 
 # For JSON
@@ -132,7 +127,7 @@ def headline(item: Telegram) -> Both:
     row = profibus.codes("start").get(item.data[0]) if item.data else None
     if row is None:
         return say("dp_no_frame")
-    return Both.same(f"{row.id}").joined(_both(row.text), ", ", "，")
+    return Both.same(f"{row.id}").joined(Both.of(row.text), ", ", "，")
 
 
 def lines(item: Telegram) -> Iterator[Line]:
@@ -145,9 +140,9 @@ def lines(item: Telegram) -> Iterator[Line]:
     head = _head(item)
     to = say("dp_all") if item.da == 127 else Both.same(str(item.da))
     yield head, say("dp_stations", sa=str(item.sa), da=to)
-    yield head + 2, _both(profibus.control_text, item.fc)
+    yield head + 2, Both.of(profibus.control_text, item.fc)
     at, name = head + 3, dp.service(item)
-    known = say("dp_service_unknown") if name is None else _both(profibus.service_text, name)
+    known = say("dp_service_unknown") if name is None else Both.of(profibus.service_text, name)
     if item.front.dae or item.front.sae:
         saps = {"dsap": _sap(item.dsap), "ssap": _sap(item.ssap), "service": known}
         yield at, say("dp_saps", **saps)
@@ -219,10 +214,10 @@ def _ppo(found: dp.Configuration) -> Iterator[Both]:
 def _ms1_lines(found: ms1.Ms1Message, item: Telegram) -> Iterator[Line]:
     """The head of a message; its data is the record, or not known here."""
     code = found.code or 0
-    name = _both(profibus.function_text, code, bool(item.request))
+    name = Both.of(profibus.function_text, code, bool(item.request))
     if found.kind == ms1.REFUSAL:
         status = found.status
-        words = say("dp_cut_data") if status is None else _both(status_text, status)
+        words = say("dp_cut_data") if status is None else Both.of(status_text, status)
         yield 0, name.joined(words, ": ", "：")
     elif code in (ms1.READ, ms1.WRITE) and found.length is not None:
         about = {"slot": str(found.slot), "index": str(found.index), "length": str(found.length)}
@@ -259,7 +254,7 @@ def _dp_lines(found: dp.Content | None, data: bytes) -> Iterator[Line]:
 
 
 def _flag_words(table: str, ids: Sequence[str]) -> Both:
-    found = [_both(row.text) for row in profibus.flags(table) if row.id in ids]
+    found = [Both.of(row.text) for row in profibus.flags(table) if row.id in ids]
     return joined(found, "; ", "；") if found else say("dp_no_flag")
 
 
@@ -273,7 +268,7 @@ def _diagnosis_lines(found: dp.SlaveDiagnosis) -> Iterator[Line]:
         yield 4, say("dp_ident", ident=f"{found.ident:04X}")
     at = 6
     for each in found.blocks:
-        yield at, say("dp_block", kind=_both(profibus.codes("block")[each.kind].text))
+        yield at, say("dp_block", kind=Both.of(profibus.codes("block")[each.kind].text))
         at += len(each.data)
 
 

@@ -14,6 +14,7 @@ from ds47.report.bilingual import Both, joined, say
 from ds47.report.escaping import quoted
 from ds47.spec import cyclic
 
+_CLASSES = {1: "profile_axis", 5: "profile_encoder"}
 _PROFILES = {0x03: "profile_profidrive", 0x3D: "profile_of_encoders"}
 NUMBERS = frozenset((922, 964, 965, 974, 975, 61000, 61001, 61002, 61003, 61004))
 """Parameters whose values are explained here."""
@@ -77,13 +78,10 @@ def _identification(pnu: int, subindex: int, value: Value) -> Both | None:
     if subindex == 2:
         return say("profile_version", version=f"{value // 100}.{value % 100:02}")
     if subindex == 5:
-        return say("profile_objects", n=value) if pnu == 964 else _class(value)
+        if pnu == 964:
+            return say("profile_objects", n=value)
+        return say(_CLASSES[value]) if value in _CLASSES else None
     return say("profile_do_id", n=str(value)) if subindex == 7 and pnu == 975 else None
-
-
-def _class(value: int) -> Both | None:
-    keys = {1: "profile_axis", 5: "profile_encoder"}
-    return say(keys[value]) if value in keys else None
 
 
 def _date(year: Value, ddmm: Value) -> Both | None:

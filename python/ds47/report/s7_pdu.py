@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from ds47.report.bilingual import LANGUAGES, Both, say
+from ds47.report.bilingual import Both, say
 from ds47.report.s7 import failure, tsap
 from ds47.s7 import addresses, pdu, tpkt
 from ds47.s7.model import DONE, S7Address, S7Item
@@ -85,7 +85,7 @@ def _content(found: Decoded) -> Decoded:
 
 
 def _both(table: str, code: int) -> Both:
-    return Both(*(s7.code_text(table, code, lang) for lang in LANGUAGES))
+    return Both.of(s7.code_text, table, code)
 
 
 def headline(found: Decoded) -> Both:
@@ -98,7 +98,7 @@ def headline(found: Decoded) -> Both:
 
 def flaw(found: Flaw) -> Both:
     """What is wrong."""
-    return Both(*(s7.flaw_text(found.kind, found.args, lang) for lang in LANGUAGES))
+    return Both.of(s7.flaw_text, found.kind, found.args)
 
 
 # For JSON
@@ -182,7 +182,7 @@ def lines(found: Decoded) -> Iterator[Line]:
         parameter=str(len(item.parameter)), data=str(len(item.content)),
     )  # fmt: skip
     if item.error is not None:
-        text = Both(*(s7.error_text(item.error or 0, lang) for lang in LANGUAGES))
+        text = Both.of(s7.error_text, item.error or 0)
         yield start + 10, say("s7_pdu_error", error=text) if item.error else say("s7_pdu_done")
     if item.parameter:
         yield from _parameter(found, item, start + item.head)
@@ -214,12 +214,8 @@ def _parameter(found: Decoded, item: S7Pdu, at: int) -> Iterator[Line]:
         if item.kind == pdu.JOB:
             yield from _addresses(found, item, at)
     else:
-        yield (
-            at,
-            _both("function", item.function or 0)
-            if item.function is not None
-            else say("decode_rest"),
-        )
+        known = item.function is not None
+        yield at, _both("function", item.function or 0) if known else say("decode_rest")
 
 
 def _user_words(user: UserData) -> Both:
@@ -280,8 +276,5 @@ def _entries(found: Decoded, begin: int) -> Iterator[Line]:
             return
         size = len(each.data or b"")
         words = Both.same((each.data or b"").hex(" ").upper())
-        yield (
-            at,
-            words if each.code == DONE else Both(*(failure(each.code, lang) for lang in LANGUAGES)),
-        )
+        yield at, words if each.code == DONE else Both.of(failure, each.code)
         at += 4 + size + size % 2

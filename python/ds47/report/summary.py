@@ -92,15 +92,13 @@ class Opening:
             time = times.get(each.device.ip) if len(drives) > 1 else None
             about = [] if each.telegram is None else [each.telegram.text(self._lang)]
             about += self._of_objects(objects.get(each.device.ip, {}))
-            texts.append((f"  {each.transactions.text(self._lang)}{self._time(time)}", about))
+            took = f"  {time.brief(self._lang)}" if time else ""
+            texts.append((f"  {each.transactions.text(self._lang)}{took}", about))
         devices = [each.device for each in drives]
         yield from self._devices("drives_head", "more_drives", devices, texts)
         yield from self._devices(
             "other_devices_head", "more_devices", others, [("", [])] * len(others)
         )
-
-    def _time(self, latency: Latency | None) -> str:
-        return f"  {latency.brief(self._lang)}" if latency else ""
 
     def _of_objects(self, times: dict[int, Latency]) -> list[str]:
         """`DO 1: p50 1.6 ms, max 252.2 ms; DO 2: ...`; nothing of a single drive object."""
@@ -132,9 +130,18 @@ class Opening:
     def _to_do(
         self, result: CaptureResult, rest: list[Finding], files: FileFrames
     ) -> Iterator[str]:
+        yield from self._causes(result, result.diagnoses, files)
+        if rest and result.diagnoses:
+            yield "  " + self._paint("bold", self._say("other_findings_head"))
+        yield from self._causes(result, headlines(rest), files)
+
+    def _causes(
+        self, result: CaptureResult, items: Sequence[Diagnosis], files: FileFrames
+    ) -> Iterator[str]:
+        """Diagnoses, or the findings that none covers, by what they have in common."""
         several = len({each.device for each in result.transactions}) > 1
         said: dict[str, set[str]] = {}
-        for each in causes(result.diagnoses, OF_ONE_RULE):
+        for each in causes(items, OF_ONE_RULE):
             if isinstance(each, More):
                 yield from self._more(each)
                 continue
@@ -145,11 +152,11 @@ class Opening:
             yield from self._state(result, each)
             yield from self._look(each, files)
             yield from self._corrected(each)
-        if rest and result.diagnoses:
-            yield "  " + self._paint("bold", self._say("other_findings_head"))
-        yield from self._others(result, rest, files)
 
-    def _head(self, item: Diagnosis, text: str) -> Iterator[str]:
+    def _diagnosis(self, item: Diagnosis, several: bool) -> Iterator[str]:
+        text = escape(sentence(item, self._lang))
+        if several and item.device and item.device not in text:
+            text = self._say("cause_device", device=escape(item.device), message=text)
         known = self._options.rules.get(item.rule)
         line = self._say(
             "cause_line",
@@ -165,12 +172,6 @@ class Opening:
         for other in others:
             yield "    " + self._paint(item.severity, other)
 
-    def _diagnosis(self, item: Diagnosis, several: bool) -> Iterator[str]:
-        text = escape(sentence(item, self._lang))
-        if several and item.device and item.device not in text:
-            text = self._say("cause_device", device=escape(item.device), message=text)
-        yield from self._head(item, text)
-
     def _state(self, result: CaptureResult, item: Diagnosis) -> Iterator[str]:
         """What the status word of the drive says of it."""
         found = by_state(of_state(result), item.transactions)
@@ -180,20 +181,6 @@ class Opening:
                 self._say("state_says", job=str(found.transaction), message=said), self._width - 4
             ):
                 yield "    " + line
-
-    def _others(
-        self, result: CaptureResult, rest: list[Finding], files: FileFrames
-    ) -> Iterator[str]:
-        """The findings that no diagnosis covers, by what they have in common."""
-        said: dict[str, set[str]] = {}
-        for each in causes(headlines(rest), OF_ONE_RULE):
-            if isinstance(each, More):
-                yield from self._more(each)
-                continue
-            yield from self._head(each, escape(sentence(each, self._lang)))
-            yield from self._advice(each, said)
-            yield from self._state(result, each)
-            yield from self._look(each, files)
 
     def _more(self, item: More) -> Iterator[str]:
         known = self._options.rules.get(item.rule)

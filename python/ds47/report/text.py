@@ -68,11 +68,6 @@ WORST_LISTED, CAUSES_LISTED = 6, 4
 _SERIOUS_STATES = ("error", "mismatch", "refused")
 
 
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report."""
-    write_all(Writer(stream, options), report)
-
-
 class Writer(_Writer):
     """Prints a capture when it is complete; keeps only counts for the last lines."""
 
@@ -136,7 +131,7 @@ class Writer(_Writer):
                 self._copied(line)
             return
         whole = StringIO()
-        write(Report([result]), whole, self.options._replace(detail="auto"))
+        write_all(Writer(whole, self.options._replace(detail="auto")), Report([result]))
         digest = Digest.of(result, self.options, CAUSES, counts)
         lines = [*whole.getvalue().splitlines(), *form.verdict(digest)]
         if len(lines) > LINES or max(map(columns, lines)) > self.options.columns:
@@ -264,6 +259,15 @@ class Writer(_Writer):
     def _title(self, text: str) -> None:
         self._line(self._paint("bold", text))
 
+    def _section(self, title: str) -> None:
+        self._line()
+        self._title(title)
+
+    def _rest(self, number: int) -> None:
+        """How many more there are than listed."""
+        if number > 0:
+            self._line("  " + self._say("more", number=str(number)))
+
     def _say(self, key: str, **values: object) -> str:
         return say_in(self.options.lang, key, **values)
 
@@ -310,8 +314,7 @@ class Writer(_Writer):
         from ds47.report import bus as stations  # few captures have any
 
         lang = self.options.lang
-        self._line()
-        self._title(self._say("bus_head"))
+        self._section(self._say("bus_head"))
         self._line("  " + stations.counts(bus).text(lang))
         self._rows_of(stations.rows(bus), stations.head(), lead=(0, 1))
         for each in (*stations.diagnoses(bus), *stations.hints(bus, relations)):
@@ -321,38 +324,34 @@ class Writer(_Writer):
         """The parameter channels in cyclic frames, and how sure each is."""
         if not relations:
             return
-        self._line()
-        self._title(self._say("relations_head"))
+        self._section(self._say("relations_head"))
         for each in relations[:RELATIONS_LISTED]:
             numbers = ", ".join(map(str, each.telegrams))
-            out, in_ = each.output.frame_id, each.input.frame_id
+            out, in_, ms = each.output.frame_id, each.input.frame_id, each.cycle_ms
             self._line("  " + self._say(
                 "relation_ppo" if out is None else "relation",
                 where=_where(each), channel=each.channel.upper(),
                 telegram=self._say("relation_telegram", numbers=numbers) if numbers else "",
                 output=f"{out or 0:04X}", output_at=each.output.offset,
                 input=f"{in_ or 0:04X}", input_at=each.input.offset,
-                cycle=self._cycle(each.cycle_ms),
+                cycle=self._say("relation_cycle", cycle=duration(round(ms * 1_000_000))) if ms is not None else "",
                 certainty=self._say(_certainty(each)),
             ))  # fmt: skip
             self._words_of(each)
-        if len(relations) > RELATIONS_LISTED:
-            self._line("  " + self._say("more", number=str(len(relations) - RELATIONS_LISTED)))
+        self._rest(len(relations) - RELATIONS_LISTED)
 
     def _senders(self, senders: Sequence[Sender]) -> None:
         """Who sends cyclic frames in which no channel is known, and how to name one."""
         if not senders:
             return
-        self._line()
-        self._title(self._say("senders_head"))
+        self._section(self._say("senders_head"))
         for each in senders[:RELATIONS_LISTED]:
             frame_id = f"{each.frame_id:04X}"
             self._line(
                 "  "
                 + self._say("sender", mac=each.mac, to=each.to, frame_id=frame_id, n=each.length)
             )
-        if len(senders) > RELATIONS_LISTED:
-            self._line("  " + self._say("more", number=str(len(senders) - RELATIONS_LISTED)))
+        self._rest(len(senders) - RELATIONS_LISTED)
         known = [each for each in senders if each.word is not None]
         pairs = [
             (one, other) for one in known or senders for other in known or senders
@@ -374,26 +373,19 @@ class Writer(_Writer):
             both = {"output": ", ".join(row.out), "input": ", ".join(row.inward)}
             self._line("    " + self._say("relation_words", number=str(row.number), **both))
 
-    def _cycle(self, milliseconds: float | None) -> str:
-        if milliseconds is None:
-            return ""
-        return self._say("relation_cycle", cycle=duration(round(milliseconds * 1_000_000)))
-
     def _timelines(self, result: CaptureResult) -> None:
         """What happened to each drive, a line for each word and frame."""
         for timeline in result.timelines:
             from ds47.report import timelines  # few captures have any
 
             relation = result.relations[timeline.relation - 1]
-            self._line()
-            self._title(self._say("timeline_head", where=_where(relation)))
+            self._section(self._say("timeline_head", where=_where(relation)))
             known = timelines.reference(result, relation.device, self.options.reference)
             if known is not None:
                 self._line("  " + timelines.reference_words(known).text(self.options.lang))
             rows = timelines.rows(timeline)
             self._rows_of(map(self._event, rows[:EVENTS_LISTED]), lead=range(3))
-            if len(rows) > EVENTS_LISTED:
-                self._line("  " + self._say("more", number=str(len(rows) - EVENTS_LISTED)))
+            self._rest(len(rows) - EVENTS_LISTED)
             if timeline.events_left_out:
                 self._line("  " + self._say("timeline_left_out", n=timeline.events_left_out))
 
@@ -415,8 +407,7 @@ class Writer(_Writer):
         if not result.connections:
             return
         lang = self.options.lang
-        self._line()
-        self._title(self._say("s7_head"))
+        self._section(self._say("s7_head"))
         listed = list(islice(communication.rows(result), CONNECTIONS_LISTED))
         self._rows_of(listed, communication.head())
         left_out = len(result.connections) - len(listed) + result.connections_left_out
@@ -433,8 +424,7 @@ class Writer(_Writer):
     def _buffers(self, result: CaptureResult) -> None:
         """The entries of fault buffers, where more is known of them than their numbers."""
         for each in buffers.buffers(result):
-            self._line()
-            self._title(buffers.head(each).text(self.options.lang))
+            self._section(buffers.head(each).text(self.options.lang))
             rows = buffers.rows(each)
             self._rows_of(rows, lead=range(len(rows[0])))
 
@@ -478,8 +468,7 @@ class Writer(_Writer):
         for number, (each, lines) in enumerate(self._listed(result)):
             if not number:
                 key = "line_columns" if self._clock.known else "line_columns_undated"
-                self._line()
-                self._title(self._say("transactions_head"))
+                self._section(self._say("transactions_head"))
                 self._line("  " + self._paint("dim", self._say(key)))
             self._copied("\n".join(lines))
             shown = self.options.plc or each.state != "ok" or witness.is_cut(each)
@@ -525,12 +514,13 @@ class Writer(_Writer):
     def _findings(self, findings: Sequence[Finding], file_frames: FileFrames) -> None:
         if not findings:
             return
-        self._line()
-        self._title(self._say("findings_head"))
+        self._section(self._say("findings_head"))
         groups: dict[tuple[str, str], list[Finding]] = {}
         for each in findings:
             groups.setdefault((each.rule, each.severity), []).append(each)
-        for group in sorted(groups.values(), key=_serious_first):
+        for group in sorted(
+            groups.values(), key=lambda of: (-SEVERITIES.index(of[0].severity), of[0].rule)
+        ):
             self._group(group, file_frames)
 
     def _group(self, group: Sequence[Finding], file_frames: FileFrames) -> None:
@@ -564,8 +554,7 @@ class Writer(_Writer):
     def _summary(
         self, title: str, sums: dict[str, Any], latency: Latency, verdict: str = ""
     ) -> None:
-        self._line()
-        self._title(title)
+        self._section(title)
         if verdict:
             self._line(f"  {verdict}")
         for line in self._totals(sums, latency):
@@ -653,7 +642,7 @@ def _traffic(result: CaptureResult) -> Both | None:
     """What a capture without transactions has instead, as proof that it was read."""
     calls = [
         say("record_index", index=index, kind=say(f"statistics_{kind}"), number=str(number))
-        for index, kinds in sorted(result.records.items(), key=_by_number)
+        for index, kinds in sorted(result.records.items(), key=lambda each: (len(each[0]), each[0]))
         for kind, number in kinds.items()
         if number
     ]
@@ -668,11 +657,3 @@ def _traffic(result: CaptureResult) -> Both | None:
         calls[6:] = [say("more", number=str(len(calls) - 6))]
     shown = Both.same("RPC").joined(joined(rpc), ": ", "：")
     return shown.joined(say("record_calls", calls=joined(calls)), zh="", en="") if calls else shown
-
-
-def _by_number(item: tuple[str, object]) -> tuple[int, str]:
-    return len(item[0]), item[0]
-
-
-def _serious_first(group: list[Finding]) -> tuple[int, str]:
-    return (-SEVERITIES.index(group[0].severity), group[0].rule)

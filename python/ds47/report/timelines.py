@@ -6,7 +6,6 @@ it stops after an effective OFF, a fault is gone after its acknowledgement. Find
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from ds47.model import CaptureResult, Event, Timeline
@@ -166,9 +165,4 @@ def standing(row: EventRow) -> Both:
     last = row.last
     if last.state is None:
         return Both.same("")
-    return Both(*(state_text(last.state, last.overlays, lang) for lang in ("en", "zh")))
-
-
-def of(relation: int, timelines: Sequence[Timeline]) -> Iterator[Timeline]:
-    """The timelines of a relation, which counts from 1."""
-    return (each for each in timelines if each.relation == relation)
+    return Both.of(state_text, last.state, last.overlays)

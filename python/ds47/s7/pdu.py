@@ -30,8 +30,6 @@ _ERRORS = 2
 """Bytes of error class and code, which only answers have."""
 _SPEC, _S7ANY, _R_ID, _DB_READ = 0x12, 0x10, 0x13, 0xB0
 _ANY = struct.Struct(">BHHBBH")
-_BYTE = 2
-"""Transport size of bytes."""
 _ITEM = 4
 """Bytes in front of the data of an item."""
 _METHODS = (0x11, 0x12)

@@ -621,11 +621,6 @@ def instructions() -> Mapping[str, tuple[InstructionParameter, ...]]:
     )
 
 
-def instruction_sources() -> Mapping[str, str]:
-    """The sources of the parameters of the instructions, document and page, by their keys."""
-    return cast("Mapping[str, str]", _load("instructions.toml")["sources"])
-
-
 @cache
 def rules() -> Mapping[str, Rule]:
     """The catalogue of findings by id, in the order of the ids."""

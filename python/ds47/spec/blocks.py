@@ -92,11 +92,6 @@ def near(known: Mapping[int, object] | frozenset[int], value: int) -> list[int]:
     return sorted(sorted(known, key=lambda code: abs(code - value))[:most])
 
 
-def sources() -> Mapping[str, str]:
-    """Where the rows stand, by their keys."""
-    return {row["id"]: row["name"] for row in _load("blocks.toml")["source"]}
-
-
 def words(lang: str) -> Mapping[str, str]:
     """The sentences around the rows."""
     table: Mapping[str, str] = _load("blocks.toml")["words"]["zh" if lang == "zh" else "en"]

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 from ds47.spec import _load, makers
+from ds47.spec.rows import Row
 
 BASES = ("documented", "usual", "unconfirmed")
 """How sure a cause is: a document says so, it is so in practice, or neither is certain."""
@@ -55,8 +56,7 @@ class Explanation:
         return self.look_zh if lang == "zh" else self.look_en
 
 
-@dataclass(frozen=True, slots=True)
-class View:
+class View(Row):
     """What one block shows, or one sentence about both where `block` is empty.
 
     `done` is DONE of WRREC or VALID of RDREC; None where the block says nothing. An empty status
@@ -70,10 +70,6 @@ class View:
     busy: bool | None = None
     error: bool | None = None
     status: str | None = None
-
-    def text(self, lang: str) -> str:
-        """The remark in "en" or "zh"."""
-        return self.zh if lang == "zh" else self.en
 
 
 def _table() -> dict[str, Any]:

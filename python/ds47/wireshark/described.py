@@ -6,7 +6,6 @@ in `fields`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -30,7 +29,10 @@ def read(item: Element, format_name: str | None) -> dict[str, Any]:
 
 
 def _description(item: Element, format_name: str | None) -> dict[str, Any]:
-    seen = dict(_parts(item))
+    seen = {
+        child.get("name", "").removeprefix(f"{_PREFIX}description."): child
+        for child in item.iterfind("field")
+    }
     found: dict[str, Any] = dict.fromkeys(KEYS)
     of_limits = seen["type"].get("show") if "type" in seen else format_name
     for name, element in seen.items():
@@ -50,11 +52,6 @@ def _description(item: Element, format_name: str | None) -> dict[str, Any]:
         else:
             found[name] = int(shown, 0)
     return found
-
-
-def _parts(item: Element) -> Iterator[tuple[str, Element]]:
-    for child in item.iterfind("field"):
-        yield child.get("name", "").removeprefix(f"{_PREFIX}description."), child
 
 
 def _text(item: Element) -> str:

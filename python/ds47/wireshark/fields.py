@@ -68,7 +68,7 @@ def read(source: str | Path | BinaryIO) -> Fields:
                 _merge(transaction, frame, tree, item)
                 if not transaction["start"] or frame == transaction["frames"]["write_request"]:
                     transaction["start"] = time  # of PKW a response may stand before its request
-    findings.sort(key=_order)
+    findings.sort(key=lambda f: (f["frame"], f["rule"], f["transaction"] or 0, f["offset"] or 0))
     ordered = [transactions[number] for number in sorted(transactions)]
     for transaction in ordered:
         about = {each["rule"] for each in findings if each["transaction"] == transaction["id"]}
@@ -363,7 +363,3 @@ def _event(frame: int, item: Element) -> dict[str, Any]:
         "subslot": _number(seen.get("subslot")),
         "telegrams": [int(each) for each in seen.get("telegrams", "").split()],
     }
-
-
-def _order(finding: dict[str, Any]) -> tuple[int, str, int, int]:
-    return finding["frame"], finding["rule"], finding["transaction"] or 0, finding["offset"] or 0

@@ -10,8 +10,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, TextIO
 
-from ds47.model import CaptureResult, Report
-from ds47.report import ReportOptions, write_all
+from ds47.model import CaptureResult
+from ds47.report import ReportOptions
 from ds47.report import Writer as _Writer
 from ds47.report.clock import Clock
 from ds47.report.heading import Heading
@@ -59,11 +59,6 @@ SCRIPTS = (
     "page",
 )
 """The files of templates/report/ that form the script of the page, in this order."""
-
-
-def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
-    """Writes a complete report."""
-    write_all(Writer(stream, options), report)
 
 
 class Writer(_Writer):

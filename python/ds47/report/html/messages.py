@@ -43,7 +43,7 @@ def advice(rule: str, args: Mapping[str, Any] | None = None) -> Both:
     known = spec.rules().get(rule)
     if known is None:
         return Both("", "")
-    return Both(*(rule_advice(known, args or {}, lang) for lang in LANGUAGES))
+    return Both.of(rule_advice, known, args or {})
 
 
 def error(item: ParameterError) -> Both:
@@ -53,9 +53,9 @@ def error(item: ParameterError) -> Both:
 
 def status(word: int) -> Both:
     """A PNIO status in words."""
-    return Both(*(status_text(word, lang) for lang in LANGUAGES))
+    return Both.of(status_text, word)
 
 
 def name(item: Parameter) -> Both:
     """The name of a parameter, in quotes as the drive calls it; empty where it has none."""
-    return Both(*(parameter_name(item, lang) or "" for lang in LANGUAGES))
+    return Both.of(parameter_name, item)

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ds47.model import Bus, BusStation, CaptureResult
+from ds47.model import Bus, CaptureResult
 from ds47.report.formatting import escape
 from ds47.report.html.texts import Both, say
 
@@ -85,17 +85,15 @@ def _directions(result: CaptureResult) -> VerdictLine:
     )
 
 
-def _answers(station: BusStation) -> bool:
-    return bool(station.exchanges or station.answer or station.parameters or station.diagnosis)
-
-
 def _line(bus: Bus, result: CaptureResult) -> Iterator[VerdictLine]:
     """Of a line of PROFIBUS: whether answers, start-up and whole frames are there."""
     asked = [each for each in bus.stations if each.requests]
     requests = sum(each.requests for each in asked)
     lost = (each.args for each in result.diagnoses if each.args.get("what") == "bus_answers")
     silent = sum(each.unanswered for each in asked) + sum(each["count"] for each in lost)
-    if requests and not any(_answers(each) for each in asked):
+    if requests and not any(
+        each.exchanges or each.answer or each.parameters or each.diagnosis for each in asked
+    ):
         yield VerdictLine("bad", say("bus_only_requests", n=requests))
     elif silent:
         yield VerdictLine("warn", say("bus_some_unanswered", n=silent, of=requests))

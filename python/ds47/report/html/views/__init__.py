@@ -190,6 +190,7 @@ def capture_view(
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
     wrong = problems(result, targets, moments, links)
     first = first_screen(wrong)
+    unseen = [] if result.timelines else [say("blind_cyclic")]
     durations = sorted(
         each.duration_ns
         for each in result.transactions
@@ -206,7 +207,7 @@ def capture_view(
         dated=clock.known,
         clock=json.text(for_script(clock)),
         quality=remarks,
-        blind=[*blind(result), say("blind_place"), *_unseen(result), say("blind_meaning")],
+        blind=[*blind(result), say("blind_place"), *unseen, say("blind_meaning")],
         drives=drives(result, targets),
         problems=first,
         problems_left_out=len(wrong) - len(first),
@@ -228,11 +229,6 @@ def capture_view(
         slowest=durations[-1] if durations else None,
         data=data_element(f"data-{number}", data),
     )
-
-
-def _unseen(result: CaptureResult) -> list[Both]:
-    """That cyclic data is not shown, if no drive is followed in it."""
-    return [] if result.timelines else [say("blind_cyclic")]
 
 
 def _by_transaction(found: list[Group]) -> dict[int, list[list[Any]]]:

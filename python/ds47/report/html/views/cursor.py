@@ -70,18 +70,19 @@ def readings(
     texts, rows = _Texts(), timelines.rows(timeline)
     lanes: dict[str, list[list[int | None]]] = {}
     for lane, job, words in jobs:
-        bar = [
-            reach.after(job.start_ns), _end(job, reach), job.id, job.frames.first(), texts.number(words),
-        ]  # fmt: skip
+        begin, took = job.start_ns, job.duration_ns
+        end = None if took is None else reach.after(begin + took)
+        bar = [reach.after(begin), end, job.id, job.frames.first(), texts.number(words)]
         lanes.setdefault(lane, []).append(bar)
     last = timeline.events[-1].time_ns
+    commands = [each for each in rows if each.last.word == "STW1" and each.last.before is not None]
     return {
         "known": [
             reach.after(timeline.events[0].time_ns), reach.after(max(timeline.end_ns or last, last)),
         ],
         "events_until": reach.after(last) if timeline.events_left_out else None,
         "states": _moments(list(_changes(rows)), reach, texts, timelines.standing),
-        "commands": _moments([each for each in rows if _is_command(each)], reach, texts, _command),
+        "commands": _moments(commands, reach, texts, _command),
         "invalid": list(_invalid(timeline, reach, texts)),
         "setpoint": _values(timeline.setpoint, reach, frames),
         "actual": _values(timeline.actual, reach, frames),
@@ -90,14 +91,6 @@ def readings(
         "reference": [] if reference is None else [list(each) for each in reference.values],
         "texts": texts.listed,
     }  # fmt: skip
-
-
-def _end(job: Transaction, reach: Reach) -> int | None:
-    return None if job.duration_ns is None else reach.after(job.start_ns + job.duration_ns)
-
-
-def _is_command(row: timelines.EventRow) -> bool:
-    return row.last.word == "STW1" and row.last.before is not None
 
 
 def _command(row: timelines.EventRow) -> Both:
@@ -131,7 +124,7 @@ def _invalid(timeline: Timeline, reach: Reach, texts: _Texts) -> Iterator[list[i
     for event in timeline.events:
         side, _, what = event.name.partition("-")
         if what == "lost":
-            words = Both(*(cyclic.event_text(event.name, lang) for lang in ("en", "zh")))
+            words = Both.of(cyclic.event_text, event.name)
             begun[side] = [reach.after(event.time_ns), None, texts.number(words)]
             yield begun[side]
         elif what == "back" and side in begun:

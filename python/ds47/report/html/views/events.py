@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 
-from ds47.model import CaptureResult, Parameter, Transaction
+from ds47.model import CaptureResult, Parameter
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import spelling
 from ds47.report import timelines
@@ -66,7 +66,9 @@ def _buffers(result: CaptureResult, targets: Targets) -> Iterator[EventCells]:
             if words is not None:
                 where = " ".join(filter(None, (item.device, targets.words(item))))
                 kind = "fault" if any(now.values()) else "state"
-                yield _event(result, _answered(item), kind, words, where, _frame(item))
+                answered = item.start_ns + max(0, item.duration_ns or 0)
+                frame = item.frames.read_response or item.frames.first()
+                yield _event(result, answered, kind, words, where, frame)
 
 
 def _present(item: Parameter) -> dict[int, int]:
@@ -85,12 +87,3 @@ def _news(parameter: str, before: dict[int, int], now: dict[int, int]) -> Both |
     if any(before.values()) and not any((before | now).values()):
         return say("event_buffer_empty", parameter=parameter)
     return None
-
-
-def _answered(item: Transaction) -> int:
-    return item.start_ns + max(0, item.duration_ns or 0)
-
-
-def _frame(item: Transaction) -> int:
-    response = item.frames.read_response
-    return item.frames.first() if response is None else response

@@ -179,7 +179,8 @@ def _others(result: CaptureResult, targets: Targets, said: OfState) -> Iterable[
     for finding in uncovered(result):
         owner = by_id.get(finding.transaction) if finding.transaction is not None else None
         key, what = _kind(finding, owner)
-        problem = found.setdefault(key, _problem(finding, what))
+        new = Problem(finding.rule, finding.severity, what, finding.args, job=finding.transaction)
+        problem = found.setdefault(key, new)
         problem.count += 1
         problem.frames.update(finding.counted)
         problem.alike &= what == problem.what
@@ -195,10 +196,6 @@ def _state(said: Finding | None) -> Both | None:
     if said is None:
         return None
     return say("state_says", job=said.transaction, message=messages.message(said))
-
-
-def _problem(finding: Finding, what: Both) -> Problem:
-    return Problem(finding.rule, finding.severity, what, finding.args, job=finding.transaction)
 
 
 def first_screen(items: list[Problem]) -> list[Problem]:

@@ -212,7 +212,11 @@ class _Canvas:
             for each in result.transactions
             if each.device == relation.device and each.channel != S7
         ]
-        self.s7 = [each for each in result.transactions if _is_beside(each, relation)]
+        self.s7 = [
+            each
+            for each in result.transactions
+            if each.channel == S7 and relation.controller in (each.controller, each.device)
+        ]
         """Jobs of S7 that the drive's controller asks for, or that others ask of it."""
         self.marked = s7.marked(result) if self.s7 else {}
         self.before = _values_before(self.jobs)
@@ -281,17 +285,14 @@ class _Canvas:
     def _story(self, finding: Finding) -> tuple[int, int]:
         """From before the change of state that precedes a finding to after the one that follows it."""
         at = self._time(finding.frame)
-        edges = [now for before, now in _pairs(self.events) if now.state != before.state]
+        edges = [
+            now for before, now in itertools.pairwise(self.events) if now.state != before.state
+        ]
         cause = [each.time_ns for each in edges if each.time_ns < at]
         effect = [each.time_ns for each in edges if each.time_ns > at]
         first = max(self.first_ns, (cause[-1] if cause else self.first_ns) - _BEFORE_NS)
         last = min(self.last_ns, (effect[0] if effect else at) + _AFTER_NS)
         return first, max(last, first + 100_000_000)
-
-
-def _is_beside(job: Transaction, relation: Relation) -> bool:
-    """Whether a job of S7 is one of the controller of a drive."""
-    return job.channel == S7 and relation.controller in (job.controller, job.device)
 
 
 def _points(
@@ -313,7 +314,8 @@ class _Drawing:
         """Everything in its place."""
         lanes = self._lanes(BAND + FLAGS + CURVE)
         height = BAND + FLAGS + CURVE + LANE * len(lanes) + AXIS
-        spans = list(self._spans())
+        spans, top, bottom = list(self._spans()), self.canvas.top, self.canvas.bottom
+        parts = sorted({bottom, bottom // 2, 0, top // 2, top})
         return Drawing(
             name=name, about=about, seconds=(self.first_ns - self.canvas.start_ns) / 1e9,
             span=(self.last_ns - self.first_ns) / 1e9,
@@ -324,7 +326,7 @@ class _Drawing:
             setpoint=self._line(self.canvas.timeline.setpoint, step=True),
             actual=self._line(self.canvas.timeline.actual),
             spread=self._spread(self.canvas.timeline.actual),
-            levels=[Tick(self._level(part), self._percent(part)) for part in self._parts()],
+            levels=[Tick(self._level(part), self._percent(part)) for part in parts],
             lanes=lanes,
             times=[
                 Tick(self._x(at), label, self.canvas.clock.time_of_day(at))
@@ -359,7 +361,7 @@ class _Drawing:
             words = title = Both.same("")
         else:
             words = Both.same(name) if name.startswith("S") else Both.same("-")
-            title = Both(*(cyclic.state_text(name, event.overlays, lang) for lang in ("en", "zh")))
+            title = Both.of(cyclic.state_text, name, event.overlays)
         return self._box(first, last, kind, words, title)
 
     def _box(self, first: int, last: int, kind: str, words: Both, title: Both, y: float = 0) -> Box:
@@ -370,7 +372,7 @@ class _Drawing:
         order = [row.id for row in cyclic.overlays()]
         for event, first, last in spans:
             for name in event.overlays:
-                words = Both(*(cyclic.overlay_text(name, lang) for lang in ("en", "zh")))
+                words = Both.of(cyclic.overlay_text, name)
                 yield self._box(first, last, name, words, words, 4.0 * order.index(name))
 
     def _hatched(self) -> Iterator[Box]:
@@ -386,7 +388,7 @@ class _Drawing:
             yield self._invalid(first, self.canvas.last_ns, side)
 
     def _invalid(self, first: int, last: int, side: str) -> Box:
-        words = Both(*(cyclic.event_text(f"{side}-lost", lang) for lang in ("en", "zh")))
+        words = Both.of(cyclic.event_text, f"{side}-lost")
         return self._box(first, last, "invalid", words, words)
 
     def _flags(self) -> list[Mark]:
@@ -408,7 +410,7 @@ class _Drawing:
             kind = (
                 "off" if first.name.startswith("off") else "on" if first.name == "on" else "other"
             )
-            words = Both(cyclic.event_text(first.name), cyclic.event_text(first.name, "zh"))
+            words = Both.of(cyclic.event_text, first.name)
             silent = x < busy
             busy = busy if silent else x + _LETTER * (len(words.en) + 2)
             found.append(Mark(x, kind, words, title, silent=silent))
@@ -426,10 +428,6 @@ class _Drawing:
         if reference is not None and reference.values[0][1]:
             return reference.shown(part)
         return f"{part:+d} %" if part else "0 %"
-
-    def _parts(self) -> list[int]:
-        top, bottom = self.canvas.top, self.canvas.bottom
-        return sorted({bottom, bottom // 2, 0, top // 2, top})
 
     def _points(self, points: Sequence[Point]) -> list[Point]:
         """Those that are seen, with one before and one behind."""
@@ -526,10 +524,6 @@ class _Drawing:
 
 
 _STEPS = [n * 10**power for power in range(6, 13) for n in (1, 2, 5)]
-
-
-def _pairs(events: Sequence[Event]) -> Iterator[tuple[Event, Event]]:
-    return itertools.pairwise(events)
 
 
 def _values_before(jobs: Sequence[Transaction]) -> dict[int, Value]:
