@@ -1005,9 +1005,7 @@ class Pairing:
         asked, came = found.write_request, job.write_request
         if not (asked and came):
             return None
-        if any(
-            self._missing_after(peer, asked.frame) is not None for peer in (found.peer, job.peer)
-        ):
+        if any(self.may_lack(peer, asked.frame) for peer in (found.peer, job.peer)):
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
         sure = found.write_told and not (fetched or found.doubled_frame)
@@ -1045,9 +1043,7 @@ class Pairing:
                 and _may_be(channel, job, record.response)
             ]  # fmt: skip
             half = record.response
-            if (
-                mirrored and half is not None
-            ):  # the newest one with the kind of the record, if there are several
+            if mirrored and half is not None:  # of several the newest with the kind of the record
                 return next((job for job in mirrored if _mirrors(job, half)), mirrored[0])
         if opened is not None:
             by_kind = event == "read_record" and channel.asked

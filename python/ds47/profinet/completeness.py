@@ -386,12 +386,11 @@ class Completeness:
         Then a response after the client's next call may be the second copy, with the first one not captured.
         """
         pair = self._pairs.get((client, server))
-        if pair is None or not (
-            pair.doubled or pair.newest or any(each.passed for each in pair.activities)
-        ):
+        if pair is None:
             return False
+        lacking = pair.doubled or pair.newest or any(each.passed for each in pair.activities)
         ahead = sum(each.ahead for each in pair.activities)
-        return _RARELY * ahead < sum(each.waited for each in pair.activities)
+        return bool(lacking) and _RARELY * ahead < sum(each.waited for each in pair.activities)
 
     def spoke_ns(self, client: str, server: str) -> int | None:
         """The time of the newest call of a client to a server, by its number; None for none."""

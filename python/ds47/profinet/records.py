@@ -268,11 +268,8 @@ def parse_response(
     An IODWriteMultiple gives its inner responses only. Arguments as for `parse_request`.
     """
     status, answers = parse_answers(pdu)
-    write, implicit, records = (
-        pdu.opnum == RPC_WRITE,
-        pdu.opnum == RPC_READ_IMPLICIT,
-        list[Record](),
-    )
+    write, implicit = pdu.opnum == RPC_WRITE, pdu.opnum == RPC_READ_IMPLICIT
+    records = list[Record]()
     for half, position, block in answers:
         (_kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index, _data) = block
         ar = NIL_UUID if implicit else ar
