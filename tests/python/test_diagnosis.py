@@ -13,10 +13,11 @@ from talk import job
 
 from ds47 import diagnosis
 from ds47.acyclic.judge import Judge
-from ds47.diagnosis import Diagnoses, is_unlikely
+from ds47.diagnosis import Diagnoses
 from ds47.findings.remark import Remark
 from ds47.lab import message
 from ds47.profidrive import Options
+from ds47.profidrive.formats import is_unlikely
 from ds47.profidrive.model import Block
 from ds47.profinet.records import Half
 from ds47.spec.semantics import known, limits

@@ -22,6 +22,7 @@ from ds47.findings.remark import Corrected, Remark
 from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.dictionary import is_known, listed
 from ds47.profidrive.drive_objects import LOCAL, put
+from ds47.profidrive.formats import is_unlikely
 from ds47.profidrive.model import VALUE, Block
 from ds47.profidrive.parameter import sound_codecs
 from ds47.profinet.completeness import Completeness
@@ -32,9 +33,6 @@ from ds47.spec.semantics import known
 if TYPE_CHECKING:
     from ds47.diagnosis.repair import Repair, Retyped
 
-_LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
-"""Float32 and Float64: what is nearer to zero is no number that anybody typed."""
-_MOST: Final = 1e30
 _NO_END: Final = 1 << 17
 """Behind every subindex."""
 _TELLING: Final = (*DONE, 0x81, 0x82)
@@ -372,19 +370,6 @@ def _is_odd(job: Job) -> bool:
         # Fewer blocks than asked: the response may have been too long.
         return len(response.blocks) < len(message.addresses)
     return any(map(is_unlikely, message.blocks))
-
-
-def is_unlikely(block: Block) -> bool:
-    """Whether a value to be written is none that anybody means: not finite, denormal, or huge."""
-    least = _LEAST_NORMAL.get(block.format)
-    if least is None:
-        return False
-    for value in block.values:
-        if isinstance(value, str):  # NaN or infinite
-            return True
-        if value and not least <= abs(value) <= _MOST:
-            return True
-    return False
 
 
 def format_of(pnu: int, vendor_id: int | None, family: str | None = None) -> int | None:

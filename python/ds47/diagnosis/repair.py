@@ -18,11 +18,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 from ds47 import spec
-from ds47.diagnosis import is_unlikely
 from ds47.diagnosis.suggest import as_format, with_blocks
 from ds47.model import SIEMENS
 from ds47.profidrive import Block, Options, Request, Value, decode_request
-from ds47.profidrive.formats import codec
+from ds47.profidrive.formats import codec, is_unlikely
 from ds47.profidrive.parameter import codecs
 from ds47.spec.layouts import MESSAGE_SIZE
 from ds47.spec.semantics import known

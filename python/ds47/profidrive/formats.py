@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any, Final, NamedTuple
 
 from ds47 import spec
-from ds47.profidrive.model import Value
+from ds47.profidrive.model import Block, Value
 
 _EXACT = 2**53
 """A double, and so many JSON readers, cannot hold every whole number beyond this."""
@@ -23,6 +23,9 @@ _NORMAL, _TOO_LARGE = 2.0**-126, 2.0**128 - 2.0**103
 """Below the first, a Float32 has fewer digits; from the second on, a double is infinite as a Float32."""
 _LARGEST: Final = {4: "3.4028235e+38", 8: "1.7976931348623157e+308"}
 """The largest finite numbers, by bytes."""
+_LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
+"""Float32 and Float64: what is nearer to zero is no number that anybody typed."""
+_MOST: Final = 1e30
 _DAY_MS = 86_400_000
 _DATE: Final = (63, 31, 31, 63, 127)
 """The bits of minute, hour, day, month and year, each a byte."""
@@ -81,6 +84,19 @@ def float32_value(number: float) -> Value:
         if abs(short) < _TOO_LARGE and _FLOAT32.pack(short) == wire:
             return short
     return float(f"{number:.9g}")
+
+
+def is_unlikely(block: Block) -> bool:
+    """Whether a value to be written is none that anybody means: not finite, denormal, or huge."""
+    least = _LEAST_NORMAL.get(block.format)
+    if least is None:
+        return False
+    for value in block.values:
+        if isinstance(value, str):  # NaN or infinite
+            return True
+        if value and not least <= abs(value) <= _MOST:
+            return True
+    return False
 
 
 def _integer(value: Value) -> int:
