@@ -1097,8 +1097,8 @@ function Pairing.read_lost(_, _, record)
 end
 
 --- The same for a job, or the copy of one, that has no response.
-function M.lose_read(job, read)
-  job.read_request = job.read_request or job.fetching and job.fetching[1] or read
+function M.lose_read(job, asked)
+  job.read_request = job.read_request or job.fetching and job.fetching[1] or asked
 end
 
 --- The request of a Read whose response was in an earlier frame.
