@@ -49,7 +49,8 @@ end
 local codes = tables.codes
 
 local find_bytes -- what finds bytes in the frame
-local add_item -- a method of all trees: looking it up costs a quarter of what it does
+-- Methods of all trees, and of all ranges: looking one up costs a quarter of what it does.
+local add_item, set_generated, range_of, length_of
 local wants -- what somebody wants of the tree of the frame (wanted.lua)
 local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
@@ -59,8 +60,9 @@ local function wanted(key) return wants[key] end
 
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
 local function part(record, offset, size)
-  if record == nil or size <= 0 or offset + size > record:len() then return nil end
-  return record:range(offset, size)
+  if record == nil or size <= 0 then return nil end
+  range_of, length_of = range_of or record.range, length_of or record.len
+  return offset + size <= length_of(record) and range_of(record, offset, size) or nil
 end
 
 -- Adds a field; nothing where there is no value, or nobody wants it. Who sees the tree sees it at its bytes:
@@ -79,7 +81,7 @@ local function derive(parent, key, value)
   local field = value ~= nil and wants[key]
   if not field then return nil end
   newest = add_item(parent, field, value)
-  if marked then newest:set_generated() end
+  if marked then set_generated(newest) end
   return newest
 end
 
@@ -114,7 +116,7 @@ local function own_last(tree, owner, record)
 end
 
 local function mark_generated(item)
-  if item and marked then item:set_generated() end
+  if item and marked then set_generated(item) end
   return item
 end
 
@@ -133,7 +135,8 @@ local adding = {
 
 -- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
 local function begin(tree, answers, kind, lang)
-  add_item, language, wants = add_item or tree.add, lang, wanted_fields.of(tree, answers, kind)
+  add_item, set_generated = add_item or tree.add, set_generated or tree.set_generated
+  language, wants = lang, wanted_fields.of(tree, answers, kind)
   newest, marked = nil, wants[VISIBLE]
 end
 
@@ -448,16 +451,17 @@ local function is_main(view)
     or (view.role == "write_request" and not frame_of(view, "read_response"))
 end
 
--- What adds something of a transaction is a function of the tree, the transaction, the view, whether its
--- state is certain, the record, and the context.
+-- A row of a transaction has the key of a field, and `value`, a function of the transaction, the view, and
+-- whether its state is certain, which gives what is shown; or `add`, which adds it: a function of the tree, the
+-- transaction, the view, the record, and the context.
 
 -- The message of this frame as the report has it: the words of PKW may change from frame to frame while a
 -- request stands.
-local function add_bytes(parent, item, view, _, record)
+local function add_bytes(parent, item, view, record)
   local name = view.role == "write_request" and "request" or HEADERS[view.role] and "response"
   local data, key = name and item[name], name and "bytes." .. name
   if not data or not wants[key] then return end
-  local here = record and record:bytes():raw() == data
+  local here = record and record:raw() == data
   point(parent, key, here and record or elsewhere(data, "Message"))
 end
 
@@ -473,7 +477,7 @@ end
 
 local function add_peers(parent, item) types.add_peers(adding, parent, item) end
 
-local function add_drive_object(parent, item, view, _, _, context)
+local function add_drive_object(parent, item, view, _, context)
   if view.complete and wants.drive_object then derive(parent, "drive_object", context.drive_object(item)) end
 end
 
@@ -491,8 +495,7 @@ local function of_message(key)
   return function(item, view) return not HEADERS[view.role] and item[key] or nil end
 end
 
--- By its key what is not shown as the transaction has it: a function of it, the view, whether its state is
--- certain, and the context.
+-- By its key what is not shown as the transaction has it.
 local VALUES = {
   state = function(item, _, certain) return certain and codes.states[item.state] or nil end,
   request_reference = of_message("request_reference"), axis = of_message("axis"),
@@ -507,9 +510,7 @@ local VALUES = {
 local function row_of(field)
   local key, names = field[1], field[3] == "code" and codes[field[4]]
   local value = VALUES[key] or names and function(item) return names[item[key]] end or csv.reader(key)
-  return { field = key, add = function(shown, item, view, certain, _, context)
-    derive(shown, key, value(item, view, certain, context))
-  end }
+  return { field = key, value = value }
 end
 
 -- By their names the keys that have no such row, with those that they have instead.
@@ -544,7 +545,16 @@ local function add_transaction(parent, view, certain, record, context)
     local number = view.complete and item.id or (view.job or item).order
     shown = derive(parent, "transaction", number) or parent
   end
-  for number = 1, #list do list[number].add(shown, item, view, certain, record, context) end
+  for number = 1, #list do
+    local row = list[number]
+    local value = row.value
+    if value then
+      value = value(item, view, certain)
+      if value ~= nil then derive(shown, row.field, value) end
+    else
+      row.add(shown, item, view, record, context)
+    end
+  end
 end
 
 local function add_events(tree, events, find_word, lang)

@@ -88,6 +88,7 @@ end
 function M.say(lang, key, values)
   local known = tables.report_words[key]
   local text = lang == "zh" and known.zh or known.en
+  if values == nil then return text end
   local one, several = text:match("^(.*)|(.*)$")
   if one then text = tonumber(values.n) == 1 and one or several end
   return (gsub(text, "{([%w_]+)}", function(name)
