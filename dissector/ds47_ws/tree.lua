@@ -56,8 +56,6 @@ local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 local newest -- the item of the frame that was made last with a value; nil before the first
 
-local function wanted(key) return wants[key] end
-
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
 local function part(record, offset, size)
   if record == nil or size <= 0 then return nil end
@@ -128,7 +126,8 @@ local function elsewhere(data, name) return types.range_of(data, name, find_byte
 
 -- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
 local adding = {
-  wanted = wanted, add = add, derive = derive, show = show, take = take, point = point, elsewhere = elsewhere,
+  wanted = function(key) return wants[key] end,
+  add = add, derive = derive, show = show, take = take, point = point, elsewhere = elsewhere,
   own = function(tree, record, label) return marked and own_tree(tree, of_drives, record, label) or tree end,
   told = {}, -- texts that stand in the tree of the frame already -> what they were told of
 }
@@ -249,8 +248,6 @@ local function blocks_of(view)
   if response then return response.blocks, owned(view, response), not (change and message) end
   return NONE, 0, not (change and message)
 end
-
-local NOWHERE = {} -- the place of a parameter where nobody wants to know it
 
 -- Where the parameters of a view stand, as a function of a parameter and its number: {address = that of the
 -- request, asked = whether it stands in this frame, block = its block in this frame, here = whether such
@@ -379,7 +376,7 @@ local function add_parameters(parent, view, message, record)
   local list, has_label = wants[PARAMETER], wants.parameter
   for number = 1, #parameters do
     local item = parameters[number]
-    local place = place_of and place_of(item, number) or NOWHERE
+    local place = place_of and place_of(item, number) or NONE
     local shown = has_label and add_label(parent, view, item, place) or parent
     for row_number = 1, #list do
       local row = list[row_number]
@@ -451,9 +448,8 @@ local function is_main(view)
     or (view.role == "write_request" and not frame_of(view, "read_response"))
 end
 
--- A row of a transaction has the key of a field, and `value`, a function of the transaction, the view, and
--- whether its state is certain, which gives what is shown; or `add`, which adds it: a function of the tree, the
--- transaction, the view, the record, and the context.
+-- A row of a transaction has the key of a field and `value`, a function of the transaction, the view, whether
+-- its state is certain, and the context; or `add`, one of the tree, the transaction, the view, the record.
 
 -- The message of this frame as the report has it: the words of PKW may change from frame to frame while a
 -- request stands.
@@ -477,10 +473,6 @@ end
 
 local function add_peers(parent, item) types.add_peers(adding, parent, item) end
 
-local function add_drive_object(parent, item, view, _, context)
-  if view.complete and wants.drive_object then derive(parent, "drive_object", context.drive_object(item)) end
-end
-
 -- The row of a status with its words, as the Info column has them.
 local function row_of_status(key, name)
   return { field = key, add = function(parent, item)
@@ -499,6 +491,9 @@ end
 local VALUES = {
   state = function(item, _, certain) return certain and codes.states[item.state] or nil end,
   request_reference = of_message("request_reference"), axis = of_message("axis"),
+  drive_object = function(item, view, _, context)
+    return view.complete and context.drive_object(item) or nil
+  end,
   polls = function(item) return item.channel == "ds47" and #item.frames.polls or nil end, -- its Reads
   duration_ms = function(item)
     local nanoseconds = item.duration_ns
@@ -509,8 +504,8 @@ local VALUES = {
 -- The row of a key with one value.
 local function row_of(field)
   local key, names = field[1], field[3] == "code" and codes[field[4]]
-  local value = VALUES[key] or names and function(item) return names[item[key]] end or csv.reader(key)
-  return { field = key, value = value }
+  local value = names and function(item) return names[item[key]] end
+  return { field = key, value = VALUES[key] or value or csv.reader(key) }
 end
 
 -- By their names the keys that have no such row, with those that they have instead.
@@ -519,7 +514,6 @@ local INSTEAD = {
   controller = { { field = of.peers, rare = true, add = add_peers } },
   device = {}, station = {}, -- of which of.peers has both
   ar = { row_of({ "ar" }), row_of({ "vendor_assumed" }) },
-  drive_object = { { field = "drive_object", rare = true, add = add_drive_object } },
   ["status.write"] = { row_of_status("status.write", "write_status") },
   ["status.read"] = {
     row_of_status("status.read", "read_status"), { field = of.bytes, rare = true, add = add_bytes },
@@ -547,12 +541,10 @@ local function add_transaction(parent, view, certain, record, context)
   end
   for number = 1, #list do
     local row = list[number]
-    local value = row.value
-    if value then
-      value = value(item, view, certain)
-      if value ~= nil then derive(shown, row.field, value) end
+    if row.add then
+      row.add(shown, item, view, record)
     else
-      row.add(shown, item, view, record, context)
+      derive(shown, row.field, row.value(item, view, certain, context))
     end
   end
 end
@@ -623,7 +615,7 @@ end
 local function add_view(tree, view, findings, taken, context)
   local record = record_of(view, context)
   local root = add_root(tree, view, record)
-  reached = wants.follow and context.reached(view)
+  reached = wants.follow and HEADERS[view.role] and context.reached(view) -- others show no parameters
   if view.item.channel == "pkw" then
     pkw_tree.add(adding, root, view, record, language)
   else
@@ -644,8 +636,6 @@ local function add_view(tree, view, findings, taken, context)
   own_last(tree, protocol, record)
 end
 
-local NONE_TAKEN = {} -- of no findings
-
 --- Adds all that a frame shows.
 -- @param views, findings, events as track.lua gives them
 -- @param context {lang = "en" or "zh",
@@ -661,7 +651,7 @@ function M.add(tree, views, findings, events, context)
   local view = not findings[1] and views[1]
   begin(tree, context.answers, view and view.role or "other", context.lang)
   find_bytes = context.find_bytes
-  local taken = findings[1] and {} or NONE_TAKEN
+  local taken = findings[1] and {} or NONE
   if findings[1] then adding.told = {} end
   for number = 1, #views do add_view(tree, views[number], findings, taken, context) end
   if #events > 0 then add_events(tree, events, context.find_word, context.lang) end

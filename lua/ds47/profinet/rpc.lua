@@ -91,8 +91,7 @@ local function new_head(header, source, destination)
     object_uuid = little and swapped(header, OBJECT + 1) or sub(header, OBJECT + 1, INTERFACE),
     activity = activity,
     source = source, destination = destination, client = client, server = server,
-    -- The client in four bytes: of a key of 32 bytes and more Lua 5.2 hashes every second one, and those with a
-    -- sequence number behind them would share few places.
+    -- Short: of 32 bytes and more Lua 5.2 hashes every second one, and keys with a number share places.
     conversation = gsub(client, "(%d+)%.?", char) .. activity,
     mapper = mapper or nil, -- true: what is said to the endpoint mapper
     boot = sub(header, ACTIVITY + 17, ACTIVITY + 20), -- when the server started, as it says itself

@@ -192,7 +192,8 @@ end
 --- A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written.
 -- `lang` as in `values`.
 function M.parameter(item, written, lang)
-  local text, name = M.address(item), M.name(item, lang)
+  local known, name = item.words, M.name(item, lang) -- the Info column (info.lua) has the address, too
+  local text = known and known.address or M.address(item)
   if name then text = text .. " (" .. name .. ")" end
   local described = descriptions.is_about(item.attribute) and item.values
     and descriptions.parts(item, M, lang)
