@@ -457,8 +457,7 @@ local function add_bytes(parent, item, view, record)
   local name = view.role == "write_request" and "request" or HEADERS[view.role] and "response"
   local data, key = name and item[name], name and "bytes." .. name
   if not data or not wants[key] then return end
-  local here = record and record:raw() == data
-  point(parent, key, here and record or elsewhere(data, "Message"))
+  point(parent, key, record and record:raw() == data and record or elsewhere(data, "Message"))
 end
 
 local function add_frames_of_reads(parent, item, view)
@@ -491,9 +490,7 @@ end
 local VALUES = {
   state = function(item, _, certain) return certain and codes.states[item.state] or nil end,
   request_reference = of_message("request_reference"), axis = of_message("axis"),
-  drive_object = function(item, view, _, context)
-    return view.complete and context.drive_object(item) or nil
-  end,
+  drive_object = function(item, view, _, known) return view.complete and known.drive_object(item) or nil end,
   polls = function(item) return item.channel == "ds47" and #item.frames.polls or nil end, -- its Reads
   duration_ms = function(item)
     local nanoseconds = item.duration_ns
