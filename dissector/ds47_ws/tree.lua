@@ -49,18 +49,18 @@ end
 local codes = tables.codes
 
 local find_bytes -- what finds bytes in the frame
-local add_item -- a method of all trees: looking it up costs a quarter of what it does
+-- Methods of all trees, and of all ranges: looking one up costs a quarter of what it does.
+local add_item, set_generated, range_of, length_of
 local wants -- what somebody wants of the tree of the frame (wanted.lua)
 local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 local newest -- the item of the frame that was made last with a value; nil before the first
 
-local function wanted(key) return wants[key] end
-
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
 local function part(record, offset, size)
-  if record == nil or size <= 0 or offset + size > record:len() then return nil end
-  return record:range(offset, size)
+  if record == nil or size <= 0 then return nil end
+  range_of, length_of = range_of or record.range, length_of or record.len
+  return offset + size <= length_of(record) and range_of(record, offset, size) or nil
 end
 
 -- Adds a field; nothing where there is no value, or nobody wants it. Who sees the tree sees it at its bytes:
@@ -79,7 +79,7 @@ local function derive(parent, key, value)
   local field = value ~= nil and wants[key]
   if not field then return nil end
   newest = add_item(parent, field, value)
-  if marked then newest:set_generated() end
+  if marked then set_generated(newest) end
   return newest
 end
 
@@ -114,7 +114,7 @@ local function own_last(tree, owner, record)
 end
 
 local function mark_generated(item)
-  if item and marked then item:set_generated() end
+  if item and marked then set_generated(item) end
   return item
 end
 
@@ -126,14 +126,16 @@ local function elsewhere(data, name) return types.range_of(data, name, find_byte
 
 -- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
 local adding = {
-  wanted = wanted, add = add, derive = derive, show = show, take = take, point = point, elsewhere = elsewhere,
+  wanted = function(key) return wants[key] end,
+  add = add, derive = derive, show = show, take = take, point = point, elsewhere = elsewhere,
   own = function(tree, record, label) return marked and own_tree(tree, of_drives, record, label) or tree end,
   told = {}, -- texts that stand in the tree of the frame already -> what they were told of
 }
 
 -- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
 local function begin(tree, answers, kind, lang)
-  add_item, language, wants = add_item or tree.add, lang, wanted_fields.of(tree, answers, kind)
+  add_item, set_generated = add_item or tree.add, set_generated or tree.set_generated
+  language, wants = lang, wanted_fields.of(tree, answers, kind)
   newest, marked = nil, wants[VISIBLE]
 end
 
@@ -246,8 +248,6 @@ local function blocks_of(view)
   if response then return response.blocks, owned(view, response), not (change and message) end
   return NONE, 0, not (change and message)
 end
-
-local NOWHERE = {} -- the place of a parameter where nobody wants to know it
 
 -- Where the parameters of a view stand, as a function of a parameter and its number: {address = that of the
 -- request, asked = whether it stands in this frame, block = its block in this frame, here = whether such
@@ -376,7 +376,7 @@ local function add_parameters(parent, view, message, record)
   local list, has_label = wants[PARAMETER], wants.parameter
   for number = 1, #parameters do
     local item = parameters[number]
-    local place = place_of and place_of(item, number) or NOWHERE
+    local place = place_of and place_of(item, number) or NONE
     local shown = has_label and add_label(parent, view, item, place) or parent
     for row_number = 1, #list do
       local row = list[row_number]
@@ -448,17 +448,16 @@ local function is_main(view)
     or (view.role == "write_request" and not frame_of(view, "read_response"))
 end
 
--- What adds something of a transaction is a function of the tree, the transaction, the view, whether its
--- state is certain, the record, and the context.
+-- A row of a transaction has the key of a field and `value`, a function of the transaction, the view, whether
+-- its state is certain, and the context; or `add`, one of the tree, the transaction, the view, the record.
 
 -- The message of this frame as the report has it: the words of PKW may change from frame to frame while a
 -- request stands.
-local function add_bytes(parent, item, view, _, record)
+local function add_bytes(parent, item, view, record)
   local name = view.role == "write_request" and "request" or HEADERS[view.role] and "response"
   local data, key = name and item[name], name and "bytes." .. name
   if not data or not wants[key] then return end
-  local here = record and record:bytes():raw() == data
-  point(parent, key, here and record or elsewhere(data, "Message"))
+  point(parent, key, record and record:raw() == data and record or elsewhere(data, "Message"))
 end
 
 local function add_frames_of_reads(parent, item, view)
@@ -472,10 +471,6 @@ local function add_frames_of_reads(parent, item, view)
 end
 
 local function add_peers(parent, item) types.add_peers(adding, parent, item) end
-
-local function add_drive_object(parent, item, view, _, _, context)
-  if view.complete and wants.drive_object then derive(parent, "drive_object", context.drive_object(item)) end
-end
 
 -- The row of a status with its words, as the Info column has them.
 local function row_of_status(key, name)
@@ -491,11 +486,11 @@ local function of_message(key)
   return function(item, view) return not HEADERS[view.role] and item[key] or nil end
 end
 
--- By its key what is not shown as the transaction has it: a function of it, the view, whether its state is
--- certain, and the context.
+-- By its key what is not shown as the transaction has it.
 local VALUES = {
   state = function(item, _, certain) return certain and codes.states[item.state] or nil end,
   request_reference = of_message("request_reference"), axis = of_message("axis"),
+  drive_object = function(item, view, _, known) return view.complete and known.drive_object(item) or nil end,
   polls = function(item) return item.channel == "ds47" and #item.frames.polls or nil end, -- its Reads
   duration_ms = function(item)
     local nanoseconds = item.duration_ns
@@ -506,10 +501,8 @@ local VALUES = {
 -- The row of a key with one value.
 local function row_of(field)
   local key, names = field[1], field[3] == "code" and codes[field[4]]
-  local value = VALUES[key] or names and function(item) return names[item[key]] end or csv.reader(key)
-  return { field = key, add = function(shown, item, view, certain, _, context)
-    derive(shown, key, value(item, view, certain, context))
-  end }
+  local value = names and function(item) return names[item[key]] end
+  return { field = key, value = VALUES[key] or value or csv.reader(key) }
 end
 
 -- By their names the keys that have no such row, with those that they have instead.
@@ -518,7 +511,6 @@ local INSTEAD = {
   controller = { { field = of.peers, rare = true, add = add_peers } },
   device = {}, station = {}, -- of which of.peers has both
   ar = { row_of({ "ar" }), row_of({ "vendor_assumed" }) },
-  drive_object = { { field = "drive_object", rare = true, add = add_drive_object } },
   ["status.write"] = { row_of_status("status.write", "write_status") },
   ["status.read"] = {
     row_of_status("status.read", "read_status"), { field = of.bytes, rare = true, add = add_bytes },
@@ -544,7 +536,14 @@ local function add_transaction(parent, view, certain, record, context)
     local number = view.complete and item.id or (view.job or item).order
     shown = derive(parent, "transaction", number) or parent
   end
-  for number = 1, #list do list[number].add(shown, item, view, certain, record, context) end
+  for number = 1, #list do
+    local row = list[number]
+    if row.add then
+      row.add(shown, item, view, record)
+    else
+      derive(shown, row.field, row.value(item, view, certain, context))
+    end
+  end
 end
 
 local function add_events(tree, events, find_word, lang)
@@ -613,7 +612,7 @@ end
 local function add_view(tree, view, findings, taken, context)
   local record = record_of(view, context)
   local root = add_root(tree, view, record)
-  reached = wants.follow and context.reached(view)
+  reached = wants.follow and HEADERS[view.role] and context.reached(view) -- others show no parameters
   if view.item.channel == "pkw" then
     pkw_tree.add(adding, root, view, record, language)
   else
@@ -634,8 +633,6 @@ local function add_view(tree, view, findings, taken, context)
   own_last(tree, protocol, record)
 end
 
-local NONE_TAKEN = {} -- of no findings
-
 --- Adds all that a frame shows.
 -- @param views, findings, events as track.lua gives them
 -- @param context {lang = "en" or "zh",
@@ -651,7 +648,7 @@ function M.add(tree, views, findings, events, context)
   local view = not findings[1] and views[1]
   begin(tree, context.answers, view and view.role or "other", context.lang)
   find_bytes = context.find_bytes
-  local taken = findings[1] and {} or NONE_TAKEN
+  local taken = findings[1] and {} or NONE
   if findings[1] then adding.told = {} end
   for number = 1, #views do add_view(tree, views[number], findings, taken, context) end
   if #events > 0 then add_events(tree, events, context.find_word, context.lang) end

@@ -11,7 +11,7 @@ local flat = require("ds47.support.flat").copy
 local ordered = require("ds47.support.ordered")
 local tables = require("ds47.spec.tables")
 
-local byte, char, sub = string.byte, string.char, string.sub
+local byte, char, gsub, sub = string.byte, string.char, string.gsub, string.sub
 
 local M = {}
 
@@ -91,7 +91,8 @@ local function new_head(header, source, destination)
     object_uuid = little and swapped(header, OBJECT + 1) or sub(header, OBJECT + 1, INTERFACE),
     activity = activity,
     source = source, destination = destination, client = client, server = server,
-    conversation = client .. "\0" .. activity,
+    -- Short: of 32 bytes and more Lua 5.2 hashes every second one, and keys with a number share places.
+    conversation = gsub(client, "(%d+)%.?", char) .. activity,
     mapper = mapper or nil, -- true: what is said to the endpoint mapper
     boot = sub(header, ACTIVITY + 17, ACTIVITY + 20), -- when the server started, as it says itself
     digest = digest_of(source .. "\0" .. destination .. "\0" .. activity), -- to know a datagram again

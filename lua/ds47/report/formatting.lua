@@ -88,6 +88,7 @@ end
 function M.say(lang, key, values)
   local known = tables.report_words[key]
   local text = lang == "zh" and known.zh or known.en
+  if values == nil then return text end
   local one, several = text:match("^(.*)|(.*)$")
   if one then text = tonumber(values.n) == 1 and one or several end
   return (gsub(text, "{([%w_]+)}", function(name)
@@ -191,7 +192,8 @@ end
 --- A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written.
 -- `lang` as in `values`.
 function M.parameter(item, written, lang)
-  local text, name = M.address(item), M.name(item, lang)
+  local known, name = item.words, M.name(item, lang) -- the Info column (info.lua) has the address, too
+  local text = known and known.address or M.address(item)
   if name then text = text .. " (" .. name .. ")" end
   local described = descriptions.is_about(item.attribute) and item.values
     and descriptions.parts(item, M, lang)
