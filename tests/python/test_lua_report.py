@@ -44,9 +44,8 @@ from ds47.model import (
     Transaction,
 )
 from ds47.profidrive.drive_objects import DriveObjects
+from ds47.report import contract, write_all
 from ds47.report import csv as csv_report
-from ds47.report import json as json_report
-from ds47.report import write_all
 from ds47.report.bilingual import say
 from ds47.report.escaping import escape
 from ds47.report.sentences import advice
@@ -235,7 +234,7 @@ SEVERITIES = ("error", "warning", "note")
 
 def told_by_json(result: CaptureResult, lang: str) -> str:
     """The report of the plugin, made of the JSON of Python, without its blanks and ends of lines."""
-    findings = [json_report.finding(each, lang) for each in result.findings]
+    findings = [contract.FINDING.plain(each, lang) for each in result.findings]
     rules, zh = spec.rules(), lang == "zh"
     comma, colon = ("，", "：") if zh else (", ", ": ")
 

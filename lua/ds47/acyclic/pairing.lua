@@ -814,14 +814,15 @@ function Pairing:is_again(peer, record)
 end
 
 -- Whether a Read was sent before the response to the last request that was answered.
-local function was_open(channel, sent)
-  local got = channel.last and channel.last.read_response
+local function was_open(channel, record)
+  local got, sent = channel.last and channel.last.read_response, record.request
+  if sent == nil then return record.asked_before and record.asked_before <= channel.sought_frame end
   return sent and got and sent.frame < got.frame and sent.time_ns < got.time_ns
 end
 
 local function reread(self, channel, job, record)
   job.phase = PHASES[job.phase].reread
-  if not job.rereads[1] and not was_open(channel, record.request) then
+  if not job.rereads[1] and not was_open(channel, record) then
     job.between = waiting_of(channel)
     local written = math.max(channel.written_frame or 0, channel.unasked_frame)
     local unaccepted = written > job.read_response.frame and "again_unaccepted"
@@ -1047,11 +1048,10 @@ end
 -- @param missing  why it may be for a request that was taken for open; nil: it is not
 local function nothing(self, peer, channel, record, missing)
   local half, known = record.response, missing == nil
-  if known and was_open(channel, record.request) then
+  if known and was_open(channel, record) then
     return -- its response comes after that to a later Read
   elseif known then
     missing = may_be_open(self, peer, channel, record.request or half)
-    if missing == nil and record.request == nil then return end -- it was sent before: likewise
   end
   self.listener:nothing_to_read(peer, record, missing)
   if half.status ~= nil and known then
@@ -1110,8 +1110,7 @@ function Pairing:read_response(peer, record)
   local again = last and is_same(last.read_response, half) and missing == nil
     and missing_after(self, peer, first.frame) == nil
   if again and last.phase ~= "closed" then
-    -- without its request it was sent before the last one
-    if record.request then reread(self, channel, last, record) end
+    reread(self, channel, last, record)
     return last
   end
   if not (late or event == "read_cut" or is_last(channel, half)) then pass_over(channel) end

@@ -507,8 +507,7 @@ class Pairing:
         read = self._last_response(record, channel)
         first = self._first_of(record, read) if missing is None else None
         if read is not None and first is not None and read.phase != "closed":
-            if record.request is not None:  # else it was sent before that of the last response
-                self._reread(channel, read, record)
+            self._reread(channel, read, record)
             return read
         if not (late or event == "read_cut" or _is_last(channel, half)):
             channel.pass_over()
@@ -726,14 +725,12 @@ class Pairing:
         half = record.response
         assert half is not None
         known = missing is None
-        if known and _was_open(channel, record.request):
+        if known and _was_open(channel, record):
             return  # its response comes after that to a later Read
         if known:
             missing = self._may_be_open(
                 record.peer, record.channel, channel, record.request or half
             )
-            if missing is None and record.request is None:
-                return  # its missing request was sent before: likewise
         self._outcomes.append(("nothing", record, missing))
         if half.status is not None and known:
             channel.pass_over()
@@ -788,7 +785,7 @@ class Pairing:
     def _reread(self, channel: Channel, job: Job, record: Record) -> None:
         assert record.response is not None
         job.phase = self._table[job.phase]["reread"]
-        if not job.rereads and not _was_open(channel, record.request):
+        if not job.rereads and not _was_open(channel, record):
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
             written = max(channel.written_frame or 0, channel.unasked_frame)
@@ -1233,10 +1230,8 @@ def _is_read_before(opened: Job | None, job: Job, response: Half) -> bool:
 
     While an older request is open, the Read is taken for one of that.
     """
-    reads, asked = (
-        [*job.fetching, job.read_request, *(read for read, _ in job.polls)],
-        job.write_request,
-    )
+    reads = [*job.fetching, job.read_request, *(read for read, _ in job.polls)]
+    asked = job.write_request
     if asked is not None and opened is not None and opened.order < job.order:
         of_opened = (*opened.fetching, *(read for read, _ in opened.polls))
         reads += [read for read in of_opened if read is not None and read.frame > asked.frame]
@@ -1347,10 +1342,12 @@ def _counts(job: Job, record: Record) -> bool:
     return now is not None and (now - before) % 256 in (1, 2)
 
 
-def _was_open(channel: Channel, read: Half | None) -> bool:
+def _was_open(channel: Channel, record: Record) -> bool:
     """Whether a Read was sent before the response to the last request that was answered."""
-    last = channel.last
-    if read is None or last is None or last.read_response is None:
+    last, read = channel.last, record.request
+    if read is None:
+        return 0 < record.asked_before <= channel.sought_frame
+    if last is None or last.read_response is None:
         return False
     return read.frame < last.read_response.frame and read.time_ns < last.read_response.time_ns
 

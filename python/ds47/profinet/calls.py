@@ -361,7 +361,7 @@ class CallTracker:
 
     def _response(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["responses"] += 1
-        if pdu.source not in self._stations.known:
+        if pdu.source not in self._stations.known or pdu.opnum == RPC_CONNECT:
             self._stations.message(pdu)
         activity = self._activities.get((pdu.client, pdu.activity))
         call = None
