@@ -457,7 +457,9 @@ local function add_bytes(parent, item, view, record)
   local name = view.role == "write_request" and "request" or HEADERS[view.role] and "response"
   local data, key = name and item[name], name and "bytes." .. name
   if not data or not wants[key] then return end
-  point(parent, key, record and record:raw() == data and record or elsewhere(data, "Message"))
+  -- `TvbRange:raw` of 3.4 begins at the start of the frame, not of the range
+  local here = record and record:bytes():raw() == data
+  point(parent, key, here and record or elsewhere(data, "Message"))
 end
 
 local function add_frames_of_reads(parent, item, view)
