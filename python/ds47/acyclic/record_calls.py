@@ -289,7 +289,8 @@ class RecordCalls:
             "has": "has_either" if call.again else "has_first",
         }
         self._about_call(call, Remark("DS111", pdu.frame, args))
-        reads = pdu.opnum in (RPC_READ, RPC_READ_IMPLICIT)  # a device may give away its record once
+        # What the second response brought, the device may have given away: a Read finds nothing more.
+        reads = pdu.opnum in (RPC_READ, RPC_READ_IMPLICIT)
         for record in call.context if call.again or reads else ():
             if record.may_be_ours:
                 self._events.pass_on(record, "answered_twice")

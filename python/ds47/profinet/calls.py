@@ -425,7 +425,7 @@ class CallTracker:
             self._forget(now - self._expiry_ns)
         if len(answered) > self._limits.answered_calls:
             answered.popitem(last=False)
-            oldest = next(iter(answered.values()))  # by time, unless the clock was set back
+            oldest = next(iter(answered.values()))  # not by time, if the clock was set back
             self._forgot, self._due_ns = True, min(self._due_ns, oldest.heard_ns + self._expiry_ns)
 
     def _forget(self, since_ns: int) -> None:
